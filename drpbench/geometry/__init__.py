@@ -1,0 +1,15 @@
+"""Primitive solids: their signed distance, its gradient, and points on their surfaces."""
+
+from .distance import FAR as FAR
+from .distance import nearest as nearest
+from .distance import normal as normal
+from .distance import signed_distance as signed_distance
+from .primitives import BOX as BOX
+from .primitives import CYLINDER as CYLINDER
+from .primitives import SHAPES as SHAPES
+from .primitives import SPHERE as SPHERE
+from .primitives import Primitives as Primitives
+from .primitives import concatenate as concatenate
+from .primitives import quaternion_to_matrix as quaternion_to_matrix
+from .sampling import areas as areas
+from .sampling import sample_surface as sample_surface
