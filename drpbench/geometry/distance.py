@@ -18,6 +18,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from drpbench.compile import stored
+
 from .primitives import BOX, SPHERE, Primitives
 
 FAR = 1.0e6  # [m] distance to a set without primitives
@@ -59,22 +61,26 @@ def _distance(u, v, w):
     return jnp.sqrt(a * a + b * b + c * c) + jnp.minimum(jnp.maximum(jnp.maximum(u, v), w), 0.0)
 
 
+def _to_one(point, field):
+    """Signed distance of points, by components, to one primitive's fields."""
+    kind, half, position, rotation, mask = field
+    folded, _ = _fold(_local(point, position, rotation), kind, half)
+    return jnp.where(mask, _distance(*folded), FAR)
+
+
 def nearest(
     points: Float[Array, "*points 3"], primitives: Primitives
 ) -> tuple[Float[Array, "*points"], Int[Array, "*points"]]:
     """Signed distance [m] from each point to the nearest of K primitives, and which one it is.
 
     Negative inside. `FAR` and index 0 where every primitive is masked. `primitives` has no batch axes
-    of its own: vmap over worlds. Gradients: see `signed_distance`.
+    of its own: vmap over worlds. For the distance alone `signed_distance` is twice as fast.
     """
     point = tuple(points[..., i] for i in range(3))
-    fields = _fields(primitives)
 
     def visit(carry, field):
         best, which, index = carry
-        kind, half, position, rotation, mask = field
-        u, _ = _fold(_local(point, position, rotation), kind, half)
-        distance = jnp.where(mask, _distance(*u), FAR)
+        distance = _to_one(point, field)
         closer = distance < best
         return (jnp.where(closer, distance, best), jnp.where(closer, index, which), index + 1), None
 
@@ -83,10 +89,7 @@ def nearest(
         jnp.zeros(points.shape[:-1], jnp.int32),
         jnp.int32(0),
     )
-    if primitives.count == 0:
-        return start[:2]
-    # Unrolled, the running minimum stays in registers: 13 µs -> 3.4 µs for 130 points x 24 primitives.
-    (best, which, _), _ = jax.lax.scan(visit, start, fields, unroll=min(primitives.count, 32))
+    (best, which, _), _ = jax.lax.scan(visit, start, _fields(primitives))
     return best, which
 
 
@@ -138,9 +141,18 @@ def signed_distance(
 ) -> Float[Array, "*points"]:
     """Signed distance [m] from each point to the union of the primitives; negative inside.
 
-    Differentiable in `points` only, by the nearest primitive's closed-form normal.
+    `FAR` where every primitive is masked. Differentiable in `points` only, by the nearest primitive's
+    closed-form normal.
     """
-    return nearest(points, primitives)[0]
+    point = tuple(points[..., i] for i in range(3))
+    # Unrolled, the running minimum stays in registers.
+    best, _ = jax.lax.scan(
+        lambda best, field: (jnp.minimum(best, _to_one(point, field)), None),
+        jnp.full(points.shape[:-1], FAR, points.dtype),
+        _fields(primitives),
+        unroll=max(primitives.count, 1),
+    )
+    return stored(best)
 
 
 @signed_distance.defjvp

@@ -13,6 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from drpbench.compile import stored
+
 from .kinematics import LinkPoses
 from .panda import FINGER_OPENING, LINKS
 
@@ -59,7 +61,7 @@ class BodyPoints:
                     axis=-1,
                 )
             )
-        return jnp.concatenate(pieces)
+        return stored(jnp.concatenate(pieces))
 
 
 def _in_frame(link: str, points: np.ndarray) -> np.ndarray:
@@ -111,7 +113,7 @@ def self_clearance(poses: LinkPoses) -> Float[Array, ""]:
     """Smallest distance [m] between spheres of two links that can touch; negative in self-collision."""
     model = spheres()
     points = model.world(poses)
-    clearance = jnp.inf
+    clearance = jnp.float32(1.0e6)
     for first, second in SELF_COLLISION_BLOCKS:
         a, b = np.isin(model.frame, first), np.isin(model.frame, second)
         p, r = points[b], model.radius[b]
@@ -123,6 +125,6 @@ def self_clearance(poses: LinkPoses) -> Float[Array, ""]:
 
         others = points[a]
         rows = (others[:, 0], others[:, 1], others[:, 2], jnp.asarray(model.radius[a]))
-        nearest, _ = jax.lax.scan(visit, jnp.full(len(r), jnp.inf), rows, unroll=16)
-        clearance = jnp.minimum(clearance, jnp.min(nearest))
+        nearest, _ = jax.lax.scan(visit, jnp.full(len(r), 1.0e6), rows, unroll=len(rows[0]))
+        clearance = jnp.minimum(clearance, jnp.min(stored(nearest)))
     return clearance

@@ -1,0 +1,79 @@
+"""Compliant contact: where spheres of the arm are inside an obstacle, a spring-damper pushes them out.
+
+On each link the deepest sphere touches, with the force
+
+    f = max(k d - c v, 0) n        d depth [m], v velocity along the normal n [m/s]
+
+and J^T f is what it does at the joints. One contact a link, because explicit damping on every sphere of
+a flat contact adds up to more than the time step bears.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from drpbench.geometry import Primitives, nearest, normal, signed_distance
+from drpbench.robot import LinkPoses, moving_spheres
+
+STIFFNESS = 20_000.0  # k [N/m]
+DAMPING = 200.0  # c [N s/m]
+_DEEPEST = 0.03  # [m]; an obstacle that appears inside the arm must not shoot it away
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Contact:
+    """How the arm (all links but link0) stands to the obstacles at one instant."""
+
+    clearance: Float[Array, ""]
+    """Smallest signed distance [m] of any sphere to any obstacle."""
+    sphere: Int[Array, ""]
+    """The sphere it belongs to, as an index into `moving_spheres()`."""
+    torque: Float[Array, "7"]
+    """What contact does at the joints [N m]."""
+
+
+def contact(
+    poses: LinkPoses,
+    joint_velocity: Float[Array, "7"],
+    centers: Float[Array, "S 3"],
+    obstacles: Primitives,
+) -> Contact:
+    """Clearance and contact torque, with `centers` the world positions of `moving_spheres()`."""
+    model = moving_spheres()
+    distance = signed_distance(centers, obstacles) - model.radius
+
+    # The deepest sphere of each moving frame (link1 to link7, then hand with fingers).
+    frames = np.unique(model.frame)
+    deepest = jnp.stack(
+        [
+            jnp.argmin(distance[model.frame == frame]) + int(np.argmax(model.frame == frame))
+            for frame in frames
+        ]
+    )
+    depth = jnp.clip(-distance[deepest], 0.0, _DEEPEST)
+    point = centers[deepest]
+    direction = normal(point, obstacles, nearest(point, obstacles)[1])
+
+    # A point on frame i moves with v = sum over joints j <= i of qd_j z_j x (p - o_j).
+    axes, origins = poses.rotation[1:8, :, 2], poses.position[1:8]
+    spin = jnp.cumsum(joint_velocity[:, None] * axes, axis=0)
+    drift = jnp.cumsum(joint_velocity[:, None] * jnp.cross(origins, axes), axis=0)
+    joint = np.minimum(frames, 7) - 1
+    velocity = jnp.cross(spin[joint], point) + drift[joint]
+    along = jnp.sum(velocity * direction, axis=-1)
+    magnitude = jnp.where(depth > 0.0, jnp.maximum(STIFFNESS * depth - DAMPING * along, 0.0), 0.0)
+    force = magnitude[:, None] * direction
+
+    # tau_j = sum over frames i >= j of z_j . ((p - o_j) x f).
+    moment = jnp.cross(point, force)
+    reaches = jnp.asarray(joint[None, :] >= np.arange(7)[:, None], force.dtype)
+    total_force = jnp.sum(reaches[:, :, None] * force, axis=1)
+    total_moment = jnp.sum(reaches[:, :, None] * moment, axis=1)
+    torque = jnp.sum(axes * (total_moment - jnp.cross(origins, total_force)), axis=-1)
+
+    first = jnp.argmin(distance[deepest])
+    return Contact(distance[deepest][first], deepest[first], torque)

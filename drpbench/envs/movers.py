@@ -1,0 +1,145 @@
+"""Boxes that appear, move and vanish during an episode, and the drawing of them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
+
+from drpbench.geometry import BOX, Primitives, quaternion_to_matrix, signed_distance
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Movers:
+    """M boxes in the world frame; `velocity` in m per control step. Only `active` ones exist."""
+
+    half_size: Float[Array, "*batch M 3"]
+    rotation: Float[Array, "*batch M 3 3"]
+    position: Float[Array, "*batch M 3"]
+    velocity: Float[Array, "*batch M 3"]
+    active: Bool[Array, "*batch M"]
+
+    @property
+    def count(self) -> int:
+        return self.half_size.shape[-2]
+
+    def primitives(self) -> Primitives:
+        """The same boxes as primitives, inactive ones masked."""
+        return Primitives(
+            kind=jnp.full(self.active.shape, BOX, jnp.int32),
+            half_size=self.half_size,
+            position=self.position,
+            rotation=self.rotation,
+            mask=self.active,
+        )
+
+
+def no_movers(count: int) -> Movers:
+    """`count` boxes that do not exist (yet)."""
+    zeros = jnp.zeros((count, 3))
+    return Movers(
+        half_size=jnp.full((count, 3), 0.05),
+        rotation=jnp.broadcast_to(jnp.eye(3), (count, 3, 3)),
+        position=zeros,
+        velocity=zeros,
+        active=jnp.zeros(count, bool),
+    )
+
+
+def random_rotation(key: PRNGKeyArray) -> Float[Array, "3 3"]:
+    """Uniform over all rotations."""
+    quaternion = jax.random.normal(key, (4,))
+    return quaternion_to_matrix(quaternion / jnp.linalg.norm(quaternion))
+
+
+def clearance_of_box(
+    half_size: Float[Array, "3"],
+    rotation: Float[Array, "3 3"],
+    position: Float[Array, "3"],
+    centers: Float[Array, "S 3"],
+    radii: Float[Array, " S"],
+) -> Float[Array, ""]:
+    """Smallest distance [m] between one box and spheres; negative when they overlap."""
+    box = Primitives(
+        kind=jnp.full(1, BOX, jnp.int32),
+        half_size=half_size[None],
+        position=position[None],
+        rotation=rotation[None],
+        mask=jnp.ones(1, bool),
+    )
+    return jnp.min(signed_distance(centers, box) - radii)
+
+
+def in_upper_shell(
+    key: PRNGKeyArray, center: Float[Array, "3"], inner: float, outer: float
+) -> Float[Array, "3"]:
+    """Uniform in direction over the upper half of a spherical shell, and in radius [m]."""
+    direction_key, radius_key = jax.random.split(key)
+    direction = jax.random.normal(direction_key, (3,))
+    direction = direction / jnp.linalg.norm(direction)
+    direction = direction.at[2].set(jnp.abs(direction[2]))
+    return center + direction * jax.random.uniform(radius_key, minval=inner, maxval=outer)
+
+
+def random_heading(
+    key: PRNGKeyArray, toward: Float[Array, "3"], deviation: float
+) -> Float[Array, "3"]:
+    """A velocity of 1 to 3 mm a control step (0.06 to 0.18 m/s) roughly along `toward`.
+
+    N(0, deviation) is added to each component of the unit direction.
+    """
+    heading_key, speed_key = jax.random.split(key)
+    heading = toward / jnp.linalg.norm(toward) + deviation * jax.random.normal(heading_key, (3,))
+    speed = jax.random.uniform(speed_key, minval=0.001, maxval=0.003)
+    return speed * heading / jnp.linalg.norm(heading)
+
+
+def first_clear(
+    draw: Callable[[PRNGKeyArray], Float[Array, "3"]],
+    allowed: Callable[[Float[Array, "3"]], Bool[Array, ""]],
+    key: PRNGKeyArray,
+    room: float,
+    half_size: Float[Array, "3"],
+    rotation: Float[Array, "3 3"],
+    centers: Float[Array, "S 3"],
+    radii: Float[Array, " S"],
+) -> Float[Array, "3"]:
+    """The first of 32 drawn positions that is allowed and has more than `room` [m] to the arm.
+
+    Where there is none, the one with most room.
+    """
+    places = jax.vmap(draw)(jax.random.split(key, 32))
+
+    def rate(place):
+        clearance = clearance_of_box(half_size, rotation, place, centers, radii)
+        return jnp.where(allowed(place), clearance, -jnp.inf)
+
+    clearance = jax.vmap(rate)(places)
+    clear = clearance > room
+    return places[jnp.where(clear.any(), jnp.argmax(clear), jnp.argmax(clearance))]
+
+
+def base_column_radius(half_size: Float[Array, "M 3"]) -> Float[Array, " M"]:
+    """How near [m] to the base's axis a drifting box's centre may come, in the xy plane.
+
+    0.25 m, or so far that the box's bounding sphere stays off link1 (0.12 m about the axis): that
+    link cannot step aside, and a problem must not be lost before it begins.
+    """
+    return jnp.maximum(0.25, 0.12 + jnp.linalg.norm(half_size, axis=-1))
+
+
+def drift(movers: Movers, excess: Callable[[Float[Array, "M 3"]], Float[Array, " M"]]) -> Movers:
+    """One control step of straight motion. `excess` [m] is how far a box's centre is where it may not be.
+
+    A box turns back instead of going deeper.
+    """
+    ahead = movers.position + movers.velocity
+    turns = (excess(ahead) > 0.0) & (excess(ahead) > excess(movers.position))
+    turns = turns[:, None]
+    return replace(
+        movers,
+        position=jnp.where(turns, movers.position, ahead),
+        velocity=jnp.where(turns, -movers.velocity, movers.velocity),
+    )

@@ -1,0 +1,28 @@
+"""What an episode starts from."""
+
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from drpbench.geometry import Primitives
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Problem:
+    """One numbered planning problem, batched over any leading axes.
+
+    The static scene is `obstacles`. `goal` is one configuration that reaches the goal pose of the
+    frame `grip` (`goal_position` [m], `goal_quaternion` wxyz). `level` is the task's own: sizes and
+    counts of moving obstacles depend on it.
+    """
+
+    id: Int[Array, "*batch"] | Int[np.ndarray, "*batch"]
+    level: Int[Array, "*batch"] | Int[np.ndarray, "*batch"]
+    start: Float[Array, "*batch 7"] | Float[np.ndarray, "*batch 7"]
+    goal: Float[Array, "*batch 7"] | Float[np.ndarray, "*batch 7"]
+    goal_position: Float[Array, "*batch 3"] | Float[np.ndarray, "*batch 3"]
+    goal_quaternion: Float[Array, "*batch 4"] | Float[np.ndarray, "*batch 4"]
+    obstacles: Primitives

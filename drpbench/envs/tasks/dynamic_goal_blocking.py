@@ -1,0 +1,72 @@
+"""DGB, dynamic goal blocking: the arm is at its goal, and boxes come for it.
+
+The start is the goal configuration: the arm has to give way and come back. Birth: in the upper half of
+a shell of 0.5 to 0.6 m about the goal, at x >= 0.15 m, clear of the arm by 1 cm; one box, three on
+level 2. Motion: as in FDO, headed for the goal but for N(0, 0.01); a box turns back 1.0 m from the
+goal, at x = 0.15 m, and before the base up to 0.6 m of height. Removal: 300 steps before the end.
+"""
+
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+
+from ..movers import (
+    Movers,
+    base_column_radius,
+    drift,
+    first_clear,
+    in_upper_shell,
+    random_heading,
+    random_rotation,
+)
+from .task import CONTROL_STEPS
+
+_REMOVED = CONTROL_STEPS - 300
+
+
+def _excess(position, goal, column):
+    """How far [m] a box's centre is outside the region it may drift in."""
+    from_goal = jnp.linalg.norm(position - goal, axis=-1) - 1.0
+    into_column = column - jnp.linalg.norm(position[..., :2], axis=-1)
+    into_column = jnp.minimum(into_column, 0.6 - position[..., 2])
+    return jnp.maximum(jnp.maximum(from_goal, into_column), 0.15 - position[..., 0])
+
+
+@dataclass(frozen=True)
+class DynamicGoalBlocking:
+    name: str = "DGB"
+    title: str = "dynamic goal blocking"
+    movers: int = 3
+
+    def reset(self, problem, arm, key):
+        goal = problem.goal_position
+
+        def born(key, active):
+            keys = jax.random.split(key, 4)
+            half_size = jax.random.uniform(keys[0], (3,), minval=0.05, maxval=0.15)
+            rotation = random_rotation(keys[1])
+            column = base_column_radius(half_size)
+            position = first_clear(
+                lambda key: in_upper_shell(key, goal, 0.5, 0.6),
+                lambda p: _excess(p, goal, column) <= 0.0,
+                keys[2],
+                0.01,
+                half_size,
+                rotation,
+                arm.centers,
+                arm.radii,
+            )
+            velocity = random_heading(keys[3], goal - position, 0.01)
+            return Movers(half_size, rotation, position, velocity, active)
+
+        active = jnp.arange(self.movers) < jnp.where(problem.level == 2, 3, 1)
+        return jax.vmap(born)(jax.random.split(key, self.movers), active), ()
+
+    def advance(self, movers, memory, problem, arm, clock):
+        column = base_column_radius(movers.half_size)
+        movers = drift(movers, lambda p: _excess(p, problem.goal_position, column))
+        return replace(movers, active=movers.active & (clock < _REMOVED)), memory
+
+    def valid(self, memory):
+        return jnp.bool_(True)

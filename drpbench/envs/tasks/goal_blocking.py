@@ -1,0 +1,59 @@
+"""GB, goal blocking: a box stands on the goal until shortly before the end.
+
+Once `grip` is within 0.5 m of the goal, a box with edges of 0.2 to 0.4 m and any orientation is put
+on the goal, clear of the arm by 1 cm: one draw a control step, 100 at most. It is removed 200 control
+steps before the end. An episode in which it was never placed is not an instance of the task.
+"""
+
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Int, PRNGKeyArray
+
+from ..movers import clearance_of_box, no_movers, random_rotation
+from .task import CONTROL_STEPS
+
+_REMOVED = CONTROL_STEPS - 200
+_NEAR = 0.5  # [m] from grip to goal
+_ROOM = 0.01  # [m]
+_TRIES = 100
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class _Memory:
+    key: PRNGKeyArray
+    tries: Int[Array, ""]
+    placed: Bool[Array, ""]
+
+
+@dataclass(frozen=True)
+class GoalBlocking:
+    name: str = "GB"
+    title: str = "goal blocking"
+    movers: int = 1
+
+    def reset(self, problem, arm, key):
+        return no_movers(1), _Memory(key, jnp.int32(0), jnp.bool_(False))
+
+    def advance(self, movers, memory, problem, arm, clock):
+        goal = problem.goal_position
+        size_key, rotation_key = jax.random.split(jax.random.fold_in(memory.key, memory.tries))
+        half_size = jax.random.uniform(size_key, (3,), minval=0.1, maxval=0.2)
+        rotation = random_rotation(rotation_key)
+        clear = clearance_of_box(half_size, rotation, goal, arm.centers, arm.radii) > _ROOM
+        near = jnp.linalg.norm(arm.grip_position - goal) < _NEAR
+        due = near & ~memory.placed & (memory.tries < _TRIES) & (clock < _REMOVED)
+        place = due & clear
+        movers = replace(
+            movers,
+            half_size=jnp.where(place, half_size[None], movers.half_size),
+            rotation=jnp.where(place, rotation[None], movers.rotation),
+            position=jnp.where(place, goal[None], movers.position),
+            active=(movers.active | place) & (clock < _REMOVED),
+        )
+        return movers, _Memory(memory.key, memory.tries + due, memory.placed | place)
+
+    def valid(self, memory):
+        return memory.placed

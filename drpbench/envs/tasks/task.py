@@ -1,0 +1,49 @@
+"""What a task is: how its moving obstacles are born, move and vanish."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import jax
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from ..movers import Movers
+from ..problem import Problem
+
+CONTROL_STEPS = 1000  # 16.7 s at 60 Hz
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Arm:
+    """What a task may know of the arm: collision spheres (link0 left out) and the frame `grip`."""
+
+    centers: Float[Array, "S 3"]
+    radii: Float[Array, " S"]
+    grip_position: Float[Array, "3"]
+
+
+class Task(Protocol):
+    """A task, as pure functions for one world. `memory` is whatever pytree the task needs.
+
+    The control step `clock` is one number for all worlds of a batch, and no part of their state: an
+    event at a fixed time then stays a branch under `vmap`, and costs nothing in other steps.
+    """
+
+    name: str
+    title: str
+    movers: int
+    """How many moving boxes there can be."""
+
+    def reset(self, problem: Problem, arm: Arm, key: PRNGKeyArray) -> tuple[Movers, Any]:
+        """The boxes before the first control step."""
+        ...
+
+    def advance(
+        self, movers: Movers, memory: Any, problem: Problem, arm: Arm, clock: Int[Array, ""]
+    ) -> tuple[Movers, Any]:
+        """The boxes during control step `clock`, from those of the step before."""
+        ...
+
+    def valid(self, memory: Any) -> Bool[Array, ""]:
+        """Whether the episode was an instance of the task at all (see GB)."""
+        ...

@@ -1,0 +1,161 @@
+"""The world: a task, a scene and an arm, as pure functions of one world's state; vmap over problems."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from drpbench.geometry import Primitives, concatenate
+from drpbench.robot import (
+    JOINT_LOWER,
+    JOINT_UPPER,
+    VELOCITY_LIMIT,
+    grip_pose,
+    link_poses,
+    moving_spheres,
+    self_clearance,
+)
+
+from .contact import Contact, contact
+from .dynamics import CONTROL_PERIOD, SUBSTEPS, substep
+from .movers import Movers
+from .observation import (
+    Cloud,
+    Observation,
+    robot_points,
+    sample_box,
+    sample_static,
+    scene_cloud,
+    shares,
+)
+from .problem import Problem
+from .tasks import Arm, Task
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class State:
+    """Everything one world is."""
+
+    problem: Problem
+    joint_position: Float[Array, "*batch 7"]
+    joint_velocity: Float[Array, "*batch 7"]
+    reference: Float[Array, "*batch 7"]
+    """What the servos aim at [rad]: follows the policy's target at the arm's velocity limits."""
+    contact_torque: Float[Array, "*batch 7"]
+    movers: Movers
+    memory: Any
+    """The task's own."""
+    cloud: Cloud
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Events:
+    """What happened during one control step."""
+
+    clearance: Float[Array, "*batch"]
+    """Smallest signed distance [m] between arm and obstacles over the substeps."""
+    sphere: Int[Array, "*batch"]
+    """The sphere it belongs to, as an index into `moving_spheres()`."""
+    self_clearance: Float[Array, "*batch"]
+    """Smallest distance [m] between links that can touch, at the end."""
+    grip_position: Float[Array, "*batch 3"]
+    grip_rotation: Float[Array, "*batch 3 3"]
+    finite: Bool[Array, "*batch"]
+    """Whether the policy's target and the arm's state are numbers."""
+
+
+def _arm(joint_position: Float[Array, "7"]) -> tuple[Arm, Float[Array, "3 3"], Any]:
+    poses = link_poses(joint_position)
+    spheres = moving_spheres()
+    position, rotation = grip_pose(poses)
+    return Arm(spheres.world(poses), jnp.asarray(spheres.radius), position), rotation, poses
+
+
+@dataclass(frozen=True)
+class World:
+    """The dynamics and the observation of one task. docs/protocol.md has the whole of it in words."""
+
+    task: Task
+
+    def reset(self, problem: Problem, key: PRNGKeyArray) -> State:
+        """The state before the first control step. All of the episode's randomness is `key`'s."""
+        task_key, static_key, mover_key = jax.random.split(key, 3)
+        start = jnp.asarray(problem.start)
+        arm, _, _ = _arm(start)
+        movers, memory = self.task.reset(problem, arm, task_key)
+        on_static, on_each = shares(self.task.movers)
+        points, mask = sample_static(static_key, problem.obstacles, on_static)
+        offsets = jax.vmap(lambda key, half, turn: sample_box(key, half, turn, on_each))(
+            jax.random.split(mover_key, self.task.movers), movers.half_size, movers.rotation
+        )
+        zeros = jnp.zeros_like(start)
+        return State(
+            problem=problem,
+            joint_position=start,
+            joint_velocity=zeros,
+            reference=start,
+            contact_torque=zeros,
+            movers=movers,
+            memory=memory,
+            cloud=Cloud(points, mask, offsets),
+        )
+
+    def obstacles(self, state: State) -> Primitives:
+        """Every obstacle there is: the static scene's, then the moving boxes."""
+        return concatenate(state.problem.obstacles, state.movers.primitives())
+
+    def step(
+        self, state: State, target: Float[Array, "7"], clock: Int[Array, ""]
+    ) -> tuple[State, Events]:
+        """One control step, 1/60 s. `target` [rad]: absolute joint positions; `clock` counts from 0.
+
+        A target that is not finite is replaced by the last one, and reported.
+        """
+        arm, _, _ = _arm(state.joint_position)
+        movers, memory = self.task.advance(state.movers, state.memory, state.problem, arm, clock)
+        state = replace(state, movers=movers, memory=memory)
+        obstacles = self.obstacles(state)
+
+        sane = jnp.isfinite(target).all()
+        target = jnp.clip(jnp.where(sane, target, state.reference), JOINT_LOWER, JOINT_UPPER)
+        most = jnp.asarray(VELOCITY_LIMIT * CONTROL_PERIOD, target.dtype)
+        reference = state.reference + jnp.clip(target - state.reference, -most, most)
+
+        q, qd, torque = state.joint_position, state.joint_velocity, state.contact_torque
+        touches: list[Contact] = []
+        for _ in range(SUBSTEPS):
+            q, qd = substep(q, qd, reference, torque)
+            arm, rotation, poses = _arm(q)
+            touches.append(contact(poses, qd, arm.centers, obstacles))
+            torque = touches[-1].torque
+        first, second = touches
+        worse = first.clearance < second.clearance
+        state = replace(
+            state, joint_position=q, joint_velocity=qd, reference=reference, contact_torque=torque
+        )
+        return state, Events(
+            clearance=jnp.where(worse, first.clearance, second.clearance),
+            sphere=jnp.where(worse, first.sphere, second.sphere),
+            self_clearance=self_clearance(poses),
+            grip_position=arm.grip_position,
+            grip_rotation=rotation,
+            finite=sane & jnp.isfinite(q).all() & jnp.isfinite(qd).all(),
+        )
+
+    def observe(self, state: State) -> Observation:
+        """What a policy gets to see of the state."""
+        points, mask = scene_cloud(state.cloud, state.movers.position, state.movers.active)
+        return Observation(
+            joint_position=state.joint_position,
+            joint_velocity=state.joint_velocity,
+            goal_joints=state.problem.goal,
+            goal_position=state.problem.goal_position,
+            goal_quaternion=state.problem.goal_quaternion,
+            scene_points=points,
+            scene_mask=mask,
+            robot_points=robot_points().world(link_poses(state.joint_position)),
+        )
