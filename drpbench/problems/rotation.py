@@ -1,0 +1,64 @@
+"""Rotations on the host: unit quaternions (w, x, y, z) and matrices in numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def axis_angle(axis, angle: float) -> np.ndarray:
+    """Quaternion (4,) of a turn by `angle` [rad] about `axis` (3,), which need not be of unit length."""
+    axis = np.asarray(axis, float)
+    axis = axis / np.linalg.norm(axis)
+    return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * axis])
+
+
+def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Hamilton product of two quaternions (4,): the rotation b followed by the rotation a."""
+    w, x, y, z = a
+    return np.array(
+        [
+            w * b[0] - x * b[1] - y * b[2] - z * b[3],
+            w * b[1] + x * b[0] + y * b[3] - z * b[2],
+            w * b[2] - x * b[3] + y * b[0] + z * b[1],
+            w * b[3] + x * b[2] - y * b[1] + z * b[0],
+        ]
+    )
+
+
+def matrix(quaternion: np.ndarray) -> np.ndarray:
+    """Rotation matrix (3, 3) of a unit quaternion (4,)."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def from_matrix(rotation: np.ndarray) -> np.ndarray:
+    """Unit quaternion (4,) with w >= 0 of a rotation matrix (3, 3).
+
+    The largest of the four squared components is taken as the pivot, so that no division is by a
+    small number (Shepperd, 1978).
+    """
+    r = rotation
+    squares = np.array(
+        [
+            1 + r[0, 0] + r[1, 1] + r[2, 2],
+            1 + r[0, 0] - r[1, 1] - r[2, 2],
+            1 - r[0, 0] + r[1, 1] - r[2, 2],
+            1 - r[0, 0] - r[1, 1] + r[2, 2],
+        ]
+    )
+    pivot = int(np.argmax(squares))
+    skew = [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]
+    rows = [
+        [squares[0], *skew],
+        [skew[0], squares[1], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
+        [skew[1], r[0, 1] + r[1, 0], squares[2], r[1, 2] + r[2, 1]],
+        [skew[2], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], squares[3]],
+    ]
+    quaternion = np.array(rows[pivot]) / (2 * np.sqrt(squares[pivot]))
+    return -quaternion if quaternion[0] < 0 else quaternion
