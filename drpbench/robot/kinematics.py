@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 # Joint i+1 in its parent link: offset [m], and the quarter turns about x that precede the joint.
 _OFFSETS = (
@@ -83,7 +83,7 @@ def grip_pose(poses: LinkPoses) -> tuple[Float[Array, "3"], Float[Array, "3 3"]]
 
 
 def point_jacobian(
-    poses: LinkPoses, point: Float[Array, "3"], link: Float[Array, ""] | int
+    poses: LinkPoses, point: Float[Array, "3"], link: Int[Array, ""] | int
 ) -> Float[Array, "3 7"]:
     """Jacobian [m/rad] of a world point that is fixed in frame `link` (0 to 8).
 
