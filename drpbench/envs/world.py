@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from drpbench.geometry import Primitives, concatenate
+from drpbench.geometry import FAR, Primitives, concatenate
 from drpbench.robot import (
     JOINT_LOWER,
     JOINT_UPPER,
@@ -18,18 +18,11 @@ from drpbench.robot import (
     self_clearance,
 )
 
-from .contact import Contact, contact
+from .cloud import Cloud, robot_points, sample_box, sample_static, scene_cloud, shares
+from .contact import contact
 from .dynamics import CONTROL_PERIOD, SUBSTEPS, substep
 from .movers import Movers
-from .observation import (
-    Cloud,
-    Observation,
-    robot_points,
-    sample_box,
-    sample_static,
-    scene_cloud,
-    shares,
-)
+from .observation import Observation
 from .problem import Problem
 from .tasks import Arm, Task
 
@@ -68,11 +61,10 @@ class Events:
     """Whether the policy's target and the arm's state are numbers."""
 
 
-def _arm(joint_position: Float[Array, "7"]) -> tuple[Arm, Float[Array, "3 3"], Any]:
+def _arm(joint_position: Float[Array, "7"]) -> Arm:
     poses = link_poses(joint_position)
     spheres = moving_spheres()
-    position, rotation = grip_pose(poses)
-    return Arm(spheres.world(poses), jnp.asarray(spheres.radius), position), rotation, poses
+    return Arm(spheres.world(poses), jnp.asarray(spheres.radius), grip_pose(poses)[0])
 
 
 @dataclass(frozen=True)
@@ -85,7 +77,7 @@ class World:
         """The state before the first control step. All of the episode's randomness is `key`'s."""
         task_key, static_key, mover_key = jax.random.split(key, 3)
         start = jnp.asarray(problem.start)
-        arm, _, _ = _arm(start)
+        arm = _arm(start)
         movers, memory = self.task.reset(problem, arm, task_key)
         on_static, on_each = shares(self.task.movers)
         points, mask = sample_static(static_key, problem.obstacles, on_static)
@@ -115,7 +107,7 @@ class World:
 
         A target that is not finite is replaced by the last one, and reported.
         """
-        arm, _, _ = _arm(state.joint_position)
+        arm = _arm(state.joint_position)
         movers, memory = self.task.advance(state.movers, state.memory, state.problem, arm, clock)
         state = replace(state, movers=movers, memory=memory)
         obstacles = self.obstacles(state)
@@ -125,29 +117,33 @@ class World:
         most = jnp.asarray(VELOCITY_LIMIT * CONTROL_PERIOD, target.dtype)
         reference = state.reference + jnp.clip(target - state.reference, -most, most)
 
-        q, qd, torque = state.joint_position, state.joint_velocity, state.contact_torque
-        touches: list[Contact] = []
-        for _ in range(SUBSTEPS):
+        def move(motion, _):
+            q, qd, torque, worst, sphere = motion
             q, qd = substep(q, qd, reference, torque)
-            arm, rotation, poses = _arm(q)
-            touches.append(contact(poses, qd, arm.centers, obstacles))
-            torque = touches[-1].torque
-        first, second = touches
-        worse = first.clearance < second.clearance
+            poses = link_poses(q)
+            touch = contact(poses, qd, moving_spheres().world(poses), obstacles)
+            sphere = jnp.where(touch.clearance < worst, touch.sphere, sphere)
+            return (q, qd, touch.torque, jnp.minimum(worst, touch.clearance), sphere), None
+
+        motion = (state.joint_position, state.joint_velocity, state.contact_torque)
+        motion = (*motion, jnp.float32(FAR), jnp.int32(0))
+        (q, qd, torque, clearance, sphere), _ = jax.lax.scan(move, motion, None, length=SUBSTEPS)
+        poses = link_poses(q)
+        position, rotation = grip_pose(poses)
         state = replace(
             state, joint_position=q, joint_velocity=qd, reference=reference, contact_torque=torque
         )
         return state, Events(
-            clearance=jnp.where(worse, first.clearance, second.clearance),
-            sphere=jnp.where(worse, first.sphere, second.sphere),
+            clearance=clearance,
+            sphere=sphere,
             self_clearance=self_clearance(poses),
-            grip_position=arm.grip_position,
+            grip_position=position,
             grip_rotation=rotation,
             finite=sane & jnp.isfinite(q).all() & jnp.isfinite(qd).all(),
         )
 
-    def observe(self, state: State) -> Observation:
-        """What a policy gets to see of the state."""
+    def observe(self, state: State, privileged: bool = False) -> Observation:
+        """What a policy gets to see of the state; the obstacle models only if it is privileged."""
         points, mask = scene_cloud(state.cloud, state.movers.position, state.movers.active)
         return Observation(
             joint_position=state.joint_position,
@@ -158,4 +154,5 @@ class World:
             scene_points=points,
             scene_mask=mask,
             robot_points=robot_points().world(link_poses(state.joint_position)),
+            obstacles=self.obstacles(state) if privileged else None,
         )

@@ -10,7 +10,7 @@ with "-" an axis that never binds, so that one formula serves all three:
 
     d = |max(u, 0)| + min(max(u_x, u_y, u_z), 0)
 
-The scan over the primitives keeps a running minimum, all by components: nothing of size
+A search over the primitives keeps a running minimum, all by components: nothing of size
 points x primitives is ever stored.
 """
 
@@ -23,49 +23,56 @@ from drpbench.compile import stored
 from .primitives import BOX, SPHERE, Primitives
 
 FAR = 1.0e6  # [m] distance to a set without primitives
-_NEVER = -1.0e6  # a folded coordinate that never binds
 _TINY = 1.0e-12
 
 
-def _fields(primitives: Primitives):
+def _rows(primitives: Primitives) -> tuple[Float[Array, " K"], ...]:
+    """What the folding needs to know of each primitive, by components.
+
+    Half sizes of the folded box; whether y and z go into the first coordinate (1 or 0); position;
+    rotation. An axis that never binds is FAR thick, and what is masked is FAR away.
+    """
+    is_round, is_sphere = primitives.kind != BOX, primitives.kind == SPHERE
     half = tuple(primitives.half_size[..., i] for i in range(3))
-    position = tuple(primitives.position[..., i] for i in range(3))
-    rotation = tuple(primitives.rotation[..., i, j] for i in range(3) for j in range(3))
-    return primitives.kind, half, position, rotation, primitives.mask
-
-
-def _local(point, position, r):
-    """Coordinates of `point` in a primitive's frame: R^T (point - position), by components."""
-    dx, dy, dz = (a - b for a, b in zip(point, position, strict=True))
     return (
-        r[0] * dx + r[3] * dy + r[6] * dz,
-        r[1] * dx + r[4] * dy + r[7] * dz,
-        r[2] * dx + r[5] * dy + r[8] * dz,
+        jnp.where(primitives.mask, half[0], -FAR),
+        jnp.where(is_round, FAR, half[1]),
+        jnp.where(is_sphere, FAR, half[2]),
+        jnp.asarray(is_round, half[0].dtype),
+        jnp.asarray(is_sphere, half[0].dtype),
+        *(primitives.position[..., i] for i in range(3)),
+        *(primitives.rotation[..., i, j] for i in range(3) for j in range(3)),
     )
 
 
-def _fold(local, kind, half):
-    """The folded coordinates u and the radius they were folded with."""
-    x, y, z = local
-    is_box, is_sphere = kind == BOX, kind == SPHERE
-    height = jnp.where(is_sphere, z, 0.0)
-    radius = jnp.sqrt(x * x + y * y + height * height)
-    u = jnp.where(is_box, jnp.abs(x), radius) - half[0]
-    v = jnp.where(is_box, jnp.abs(y) - half[1], _NEVER)
-    w = jnp.where(is_sphere, _NEVER, jnp.abs(z) - half[2])
-    return (u, v, w), radius
+def _row_of(primitives: Primitives, which):
+    """The rows of the primitives that `which` names: one gather, because each costs as much as all."""
+    rows = jnp.stack(_rows(primitives), axis=-1)[which]
+    return tuple(rows[..., i] for i in range(rows.shape[-1]))
 
 
-def _distance(u, v, w):
-    a, b, c = jnp.maximum(u, 0.0), jnp.maximum(v, 0.0), jnp.maximum(w, 0.0)
-    return jnp.sqrt(a * a + b * b + c * c) + jnp.minimum(jnp.maximum(jnp.maximum(u, v), w), 0.0)
+def _fold(point, row):
+    """Coordinates in the primitive's frame, the folded u, and the radius that u_x was made of."""
+    half, (y_in, z_in), position, r = row[:3], row[3:5], row[5:8], row[8:]
+    dx, dy, dz = (a - b for a, b in zip(point, position, strict=True))
+    x = r[0] * dx + r[3] * dy + r[6] * dz
+    y = r[1] * dx + r[4] * dy + r[7] * dz
+    z = r[2] * dx + r[5] * dy + r[8] * dz
+    radius = jnp.sqrt(x * x + y_in * (y * y) + z_in * (z * z))
+    return (x, y, z), (radius - half[0], jnp.abs(y) - half[1], jnp.abs(z) - half[2]), radius
 
 
-def _to_one(point, field):
-    """Signed distance of points, by components, to one primitive's fields."""
-    kind, half, position, rotation, mask = field
-    folded, _ = _fold(_local(point, position, rotation), kind, half)
-    return jnp.where(mask, _distance(*folded), FAR)
+def _larger(a, b):
+    """jnp.maximum, but NaN only where `a` is: looking for it in both doubles the cost."""
+    return jnp.where(b > a, b, a)
+
+
+def _distance(point, row):
+    """Signed distance of points, by components, to one primitive each. NaN where a point is."""
+    _, (u, v, w), _ = _fold(point, row)
+    a, b, c = _larger(u, 0.0), _larger(v, 0.0), _larger(w, 0.0)
+    most = _larger(_larger(u, v), w)
+    return jnp.sqrt(a * a + b * b + c * c) + jnp.where(most < 0.0, most, 0.0)
 
 
 def nearest(
@@ -74,23 +81,29 @@ def nearest(
     """Signed distance [m] from each point to the nearest of K primitives, and which one it is.
 
     Negative inside. `FAR` and index 0 where every primitive is masked. `primitives` has no batch axes
-    of its own: vmap over worlds. For the distance alone `signed_distance` is twice as fast.
+    of its own: vmap over worlds. Of primitives whose distances agree to one part in 4 million / K,
+    any may be taken. For the distance alone `signed_distance` is faster.
     """
+    if primitives.count == 0:
+        shape = points.shape[:-1]
+        return jnp.full(shape, FAR, points.dtype), jnp.zeros(shape, jnp.int32)
     point = tuple(points[..., i] for i in range(3))
+    # Distance and index travel as one integer, the index in the lowest bits: one running minimum
+    # instead of two that depend on each other, which XLA on the CPU computes again for each other.
+    index_bits = (1 << (primitives.count - 1).bit_length()) - 1
 
-    def visit(carry, field):
-        best, which, index = carry
-        distance = _to_one(point, field)
-        closer = distance < best
-        return (jnp.where(closer, distance, best), jnp.where(closer, index, which), index + 1), None
+    def visit(carry, row):
+        least, index = carry
+        distance = _distance(point, row).astype(jnp.float32)
+        bits = jax.lax.bitcast_convert_type(distance, jnp.int32)
+        ordered = bits ^ ((bits >> 31) & 0x7FFFFFFF)  # integers in the order of the floats
+        return (jnp.minimum(least, (ordered & ~index_bits) | index), index + 1), None
 
-    start = (
-        jnp.full(points.shape[:-1], FAR, points.dtype),
-        jnp.zeros(points.shape[:-1], jnp.int32),
-        jnp.int32(0),
-    )
-    (best, which, _), _ = jax.lax.scan(visit, start, _fields(primitives))
-    return best, which
+    start = jnp.full(points.shape[:-1], 2**31 - 1, jnp.int32)
+    (least, _), _ = jax.lax.scan(visit, (start, jnp.int32(0)), _rows(primitives), unroll=True)
+    which = stored(least & index_bits)
+    distance = jnp.minimum(_distance(point, _row_of(primitives, which)), FAR)
+    return distance, jnp.where(distance < FAR, which, 0)
 
 
 def normal(
@@ -102,29 +115,28 @@ def normal(
     soonest. Where the gradient does not exist (a sphere's centre, a cylinder's axis) one valid
     direction is returned.
     """
-    kind, half, position, r, _ = jax.tree.map(lambda field: field[which], _fields(primitives))
+    row = _row_of(primitives, which)
     point = tuple(points[..., i] for i in range(3))
-    x, y, z = _local(point, position, r)
-    (u, v, w), radius = _fold((x, y, z), kind, half)
+    (x, y, z), (u, v, w), radius = _fold(point, row)
+    (y_in, z_in), r = row[3:5], row[8:]
 
     # In folded coordinates.
     a, b, c = jnp.maximum(u, 0.0), jnp.maximum(v, 0.0), jnp.maximum(w, 0.0)
     length = jnp.sqrt(a * a + b * b + c * c)
     outside = length > 0.0
-    scale = 1.0 / jnp.maximum(length, _TINY)
+    scale = 1.0 / jnp.where(outside, length, 1.0)
     first = (u >= v) & (u >= w)
     second = ~first & (v >= w)
     gu = jnp.where(outside, a * scale, first.astype(points.dtype))
     gv = jnp.where(outside, b * scale, second.astype(points.dtype))
     gw = jnp.where(outside, c * scale, (~first & ~second).astype(points.dtype))
 
-    # Unfolded: a radial coordinate spreads over the axes it was made of.
-    is_box, is_sphere = kind == BOX, kind == SPHERE
+    # Unfolded: u_x spreads over the axes it was made of; gv and gw are zero where theirs never bind.
     safe = radius > _TINY
     radial = gu / jnp.where(safe, radius, 1.0)
-    nx = jnp.where(is_box, jnp.copysign(gu, x), jnp.where(safe, radial * x, gu))
-    ny = jnp.where(is_box, jnp.copysign(gv, y), jnp.where(safe, radial * y, 0.0))
-    nz = jnp.where(is_sphere, jnp.where(safe, radial * z, 0.0), jnp.copysign(gw, z))
+    nx = jnp.where(safe, radial * x, gu)
+    ny = radial * y_in * y + jnp.copysign(gv, y)
+    nz = radial * z_in * z + jnp.copysign(gw, z)
     return jnp.stack(
         [
             r[0] * nx + r[1] * ny + r[2] * nz,
@@ -145,14 +157,15 @@ def signed_distance(
     closed-form normal.
     """
     point = tuple(points[..., i] for i in range(3))
+
+    def visit(least, row):
+        distance = _distance(point, row)
+        return jnp.where(distance > least, least, distance), None
+
     # Unrolled, the running minimum stays in registers.
-    best, _ = jax.lax.scan(
-        lambda best, field: (jnp.minimum(best, _to_one(point, field)), None),
-        jnp.full(points.shape[:-1], FAR, points.dtype),
-        _fields(primitives),
-        unroll=max(primitives.count, 1),
-    )
-    return stored(best)
+    start = jnp.full(points.shape[:-1], FAR, points.dtype)
+    least, _ = jax.lax.scan(visit, start, _rows(primitives), unroll=max(primitives.count, 1))
+    return stored(least)
 
 
 @signed_distance.defjvp

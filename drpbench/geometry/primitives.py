@@ -48,3 +48,35 @@ def quaternion_to_matrix(quaternion: Float[Array, "*batch 4"]) -> Float[Array, "
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def matrix_to_quaternion(rotation: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 4"]:
+    """Unit quaternion wxyz of a rotation matrix, w or the largest component positive.
+
+    Each row below is 4 times one component times the quaternion; the longest is the best conditioned.
+    """
+    r = rotation
+    xx, yy, zz = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
+    wx, wy, wz = (
+        r[..., 2, 1] - r[..., 1, 2],
+        r[..., 0, 2] - r[..., 2, 0],
+        r[..., 1, 0] - r[..., 0, 1],
+    )
+    xy, xz, yz = (
+        r[..., 1, 0] + r[..., 0, 1],
+        r[..., 0, 2] + r[..., 2, 0],
+        r[..., 2, 1] + r[..., 1, 2],
+    )
+    rows = jnp.stack(
+        [
+            jnp.stack([1 + xx + yy + zz, wx, wy, wz], axis=-1),
+            jnp.stack([wx, 1 + xx - yy - zz, xy, xz], axis=-1),
+            jnp.stack([wy, xy, 1 - xx + yy - zz, yz], axis=-1),
+            jnp.stack([wz, xz, yz, 1 - xx - yy + zz], axis=-1),
+        ],
+        axis=-2,
+    )
+    lengths = jnp.linalg.norm(rows, axis=-1)
+    longest = jnp.argmax(lengths, axis=-1)
+    chosen = jnp.take_along_axis(rows, longest[..., None, None], axis=-2)[..., 0, :]
+    return chosen / jnp.linalg.norm(chosen, axis=-1, keepdims=True)

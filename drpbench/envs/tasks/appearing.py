@@ -34,6 +34,7 @@ class Appearing:
     name: str = "SAO"
     title: str = "suddenly appearing obstacle"
     movers: int = 1
+    rehearsed: bool = True
 
     def reset(self, problem, arm, key):
         path = jnp.zeros((CONTROL_STEPS // _STRIDE, 3))

@@ -38,6 +38,7 @@ class DynamicGoalBlocking:
     name: str = "DGB"
     title: str = "dynamic goal blocking"
     movers: int = 3
+    rehearsed: bool = False
 
     def reset(self, problem, arm, key):
         goal = problem.goal_position

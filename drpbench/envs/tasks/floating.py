@@ -39,6 +39,7 @@ class Floating:
     name: str = "FDO"
     title: str = "floating dynamic obstacles"
     movers: int = 3
+    rehearsed: bool = False
 
     def reset(self, problem, arm, key):
         # Edges of 0.1 to 0.2 m on level 1 (the bare table), up to 0.3 m on level 2.

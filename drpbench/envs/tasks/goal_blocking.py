@@ -33,6 +33,7 @@ class GoalBlocking:
     name: str = "GB"
     title: str = "goal blocking"
     movers: int = 1
+    rehearsed: bool = False
 
     def reset(self, problem, arm, key):
         return no_movers(1), _Memory(key, jnp.int32(0), jnp.bool_(False))

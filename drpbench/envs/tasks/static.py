@@ -12,6 +12,7 @@ class Static:
     name: str = "SE"
     title: str = "static environment"
     movers: int = 0
+    rehearsed: bool = False
 
     def reset(self, problem, arm, key):
         return no_movers(0), ()

@@ -33,6 +33,8 @@ class Task(Protocol):
     title: str
     movers: int
     """How many moving boxes there can be."""
+    rehearsed: bool
+    """Whether a first pass records the policy's path, and `second_pass` starts the one that counts."""
 
     def reset(self, problem: Problem, arm: Arm, key: PRNGKeyArray) -> tuple[Movers, Any]:
         """The boxes before the first control step."""

@@ -1,0 +1,3 @@
+from drpbench.cli import main
+
+main()

@@ -1,0 +1,3 @@
+"""Policies to compare with."""
+
+from .rmp import Rmp as Rmp

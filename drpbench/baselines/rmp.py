@@ -1,0 +1,112 @@
+"""RMP: Riemannian motion policies from the point cloud alone (Ratliff et al. 2018; Cheng et al. 2018).
+
+Leaves, each an acceleration with a metric, on the arm as it is now:
+
+    goal         qdd = k_g soft(q_g - q) - k_d qd                       M = mu_g I
+    obstacle     x = distance from the closest sphere of a link to the scene point closest to it,
+                 J = n^T J_p, n from that point to the sphere,
+                 xdd = k_p exp(-x / l_p) - k_v s xd / (x / l_d + eps_d), s = 1 / (1 + exp(xd / l_v))
+                 m = s g(x) mu_r / (x / l_m + eps_m),  g(x) = (1 - x / r)^2 within r
+    joint limit  the same form in each joint's distance to either limit
+
+combined as qdd = (sum J^T M J)^-1 (sum J^T M xdd), and integrated once to the servo's target.
+The leaf's form is that of DCP-RMP (docs/protocol.md), in plain distance instead of squared.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from drpbench.compile import stored
+from drpbench.envs import Observation
+from drpbench.policies import SERVO_LAG
+from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, moving_spheres
+
+_UNSEEN = 1.0e3  # [m]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Rmp:
+    """The baseline `rmp`. Gains in SI units, tuned on problems drawn apart from the frozen ones."""
+
+    k_g: float = 20.0
+    k_d: float = 8.0
+    soft: float = 0.5
+    """[rad] from which the pull to the goal no longer grows."""
+    mu_g: float = 1.0
+    k_p: float = 30.0
+    l_p: float = 0.03
+    k_v: float = 10.0
+    l_v: float = 0.02
+    l_d: float = 0.1
+    eps_d: float = 0.05
+    mu_r: float = 10.0
+    l_m: float = 0.02
+    eps_m: float = 0.05
+    r: float = 0.15
+    mu_l: float = 1.0
+    period: float = 1.0 / 18.0
+    """[s] of the Euler step from acceleration to the velocity commanded."""
+
+    privileged = False
+
+    def init(self, observation: Observation):
+        return ()
+
+    def act(self, observation: Observation, carry, key):
+        q, qd = observation.joint_position, observation.joint_velocity
+        distance, jacobian = self._nearest(observation)
+        rate = jacobian @ qd
+        closing = jax.nn.sigmoid(-rate / self.l_v)
+        push = self.k_p * jnp.exp(-distance / self.l_p)
+        push = push - self.k_v * closing * rate / (distance / self.l_d + self.eps_d)
+        gate = jnp.square(jnp.maximum(1.0 - distance / self.r, 0.0))
+        weight = closing * gate * self.mu_r / (distance / self.l_m + self.eps_m)
+
+        away = observation.goal_joints - q
+        length = jnp.linalg.norm(away)
+        pull = self.k_g * away * self.soft / (self.soft + length) - self.k_d * qd
+
+        metric = self.mu_g * jnp.eye(7) + (jacobian.T * weight) @ jacobian
+        force = self.mu_g * pull + jacobian.T @ (weight * push)
+        for room, sign in ((q - JOINT_LOWER, 1.0), (JOINT_UPPER - q, -1.0)):
+            limit = self.mu_l * jnp.square(jnp.maximum(1.0 - room / 0.1, 0.0)) / (room + 0.01)
+            metric = metric + jnp.diag(limit)
+            force = force + sign * limit * self.k_p * jnp.exp(-room / 0.05) - limit * qd
+        acceleration = jnp.linalg.solve(metric, force)
+
+        most = jnp.asarray(VELOCITY_LIMIT, q.dtype)
+        velocity = jnp.clip(qd + self.period * acceleration, -most, most)
+        return q + SERVO_LAG * velocity, carry
+
+    def _nearest(self, observation: Observation) -> tuple[Float[Array, " F"], Float[Array, "F 7"]]:
+        """For each moving frame, the distance [m] from its closest sphere to its closest scene point, and
+        that distance's Jacobian [m/rad]."""
+        model = moving_spheres()
+        poses = link_poses(observation.joint_position)
+        centers = model.world(poses)
+        scene = jnp.where(observation.scene_mask[:, None], observation.scene_points, _UNSEEN)
+        squared = sum((centers[:, None, i] - scene[None, :, i]) ** 2 for i in range(3))
+        clearance = stored(jnp.sqrt(jnp.min(squared, axis=1)) - model.radius)
+
+        frames = np.unique(model.frame)
+        closest = jnp.stack(
+            [
+                jnp.argmin(clearance[model.frame == frame]) + int(np.argmax(model.frame == frame))
+                for frame in frames
+            ]
+        )
+        point = centers[closest]
+        squared = sum((point[:, None, i] - scene[None, :, i]) ** 2 for i in range(3))
+        outward = point - scene[jnp.argmin(stored(squared), axis=1)]
+        normal = outward / jnp.maximum(jnp.linalg.norm(outward, axis=-1, keepdims=True), 1e-6)
+
+        axes, origins = poses.rotation[1:8, :, 2], poses.position[1:8]
+        columns = jnp.cross(axes[None], point[:, None] - origins[None])
+        moves = np.arange(1, 8)[None] <= np.minimum(frames, 7)[:, None]
+        jacobian = jnp.where(moves, jnp.sum(columns * normal[:, None], axis=-1), 0.0)
+        return jnp.maximum(clearance[closest], 0.0), jacobian

@@ -1,0 +1,260 @@
+"""The command line: thin, one function a command. Everything heavy is imported inside."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+TASK_NAMES = ("SE", "SAO", "FDO", "GB", "DGB")
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Does a manipulator policy survive a moving world?",
+)
+problems_app = typer.Typer(
+    no_args_is_help=True, help="Look at the frozen problems, or export them."
+)
+app.add_typer(problems_app, name="problems")
+
+
+class Refused(ValueError):
+    """Bad input: what is wrong and what would be right, in one line."""
+
+
+def main() -> None:
+    """Entry point. Bad input ends in one line on stderr and exit code 2, and nothing is overwritten."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        print("\ndrpbench: interrupted; go on with --resume", file=sys.stderr)
+        sys.exit(130)
+    except ValueError as error:
+        if not _is_about_input(error):
+            raise
+        print(f"drpbench: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _is_about_input(error: ValueError) -> bool:
+    return isinstance(error, Refused) or type(error).__name__ in (
+        "LeaderboardError",
+        "ProblemSetError",
+        "ResultsError",
+        "TrajectoryError",
+        "UnknownPolicy",
+    )
+
+
+def parse_tasks(text: str) -> list[str]:
+    """`FDO`, `FDO,DGB` or `all`, in the order named."""
+    names = (
+        list(TASK_NAMES) if text.lower() == "all" else [t.strip().upper() for t in text.split(",")]
+    )
+    for name in names:
+        if name not in TASK_NAMES:
+            raise Refused(f"no task {name!r}; there are: {', '.join(TASK_NAMES)}, all")
+    if len(set(names)) < len(names):
+        raise Refused(f"--task names a task twice: {text}")
+    return names
+
+
+def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
+    """Ids from `20` (so many, spread evenly), `3,17` or `0-9`; None for all of them."""
+    if text is None or text == "all":
+        return None
+    try:
+        if text.isdecimal():
+            wanted = int(text)
+            if not 0 < wanted <= count:
+                raise Refused(f"--problems {text}: {task} has 1 to {count} problems to choose from")
+            return None if wanted == count else [i * count // wanted for i in range(wanted)]
+        ids: list[int] = []
+        for part in text.rstrip(",").split(","):
+            first, _, last = part.partition("-")
+            ids += range(int(first), int(last or first) + 1)
+    except ValueError as error:
+        if isinstance(error, Refused):
+            raise
+        raise Refused(
+            f"--problems {text!r}: a count (20), ids (3,17 or 5,) or a range of ids (0-9) is meant"
+        ) from None
+    if not ids or len(set(ids)) < len(ids):
+        raise Refused(f"--problems {text!r}: names no problem, or one twice")
+    if outside := [i for i in ids if not 0 <= i < count]:
+        raise Refused(
+            f"--problems: no problem {outside[0]} in {task}; ids go from 0 to {count - 1}"
+        )
+    return ids
+
+
+@app.command()
+def run(
+    task: Annotated[str, typer.Option(help="One task, several (FDO,DGB) or all.")] = "all",
+    policy: Annotated[str, typer.Option(help="A policy; `drpbench list` shows them.")] = "rmp",
+    problems: Annotated[
+        str | None, typer.Option(help="How many of each task, or which: 20, 3,17 or 0-9.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of everything random. Compare equal seeds only.")] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Result file [default: results/POLICY-TASK.json]")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished run.")] = False,
+    batch_size: Annotated[
+        int | None, typer.Option(help="Episodes at once [default: 64; 2048 on a GPU]")
+    ] = None,
+    save_trajectories: Annotated[
+        bool,
+        typer.Option("--save-trajectories", help="Write what moved to an NPZ beside the result."),
+    ] = False,
+) -> None:
+    """Evaluate a policy: every problem exactly once, resumable, one JSON with a row for each."""
+    names = parse_tasks(task)
+    if batch_size is not None and batch_size < 1:
+        raise Refused(f"--batch-size {batch_size}: must be at least 1")
+    if not -(2**31) <= seed < 2**31:
+        raise Refused(f"--seed {seed}: must fit 32 bits")
+    from drpbench.problems import counts
+
+    sizes = counts()
+    wanted = {name: parse_problems(problems, name, sizes[name]) for name in names}
+    tag = "all" if len(names) == len(TASK_NAMES) else "-".join(names)
+    out = out or Path("results") / f"{policy}-{tag}.json"
+    if out.suffix != ".json":
+        raise Refused(f"--out {out}: the result file must end in .json")
+
+    from drpbench.compile import use_cache
+
+    use_cache()
+    import jax
+    from rich.console import Console
+
+    from drpbench.evaluation import LANES, Request, build, render_entry
+    from drpbench.evaluation import run as run_request
+    from drpbench.terminal import RunProgress
+
+    default = LANES if jax.default_backend() == "cpu" else 2048
+    request = Request(
+        policy=policy,
+        problems=wanted,
+        out=out,
+        seed=seed,
+        batch_size=batch_size or default,
+        resume=resume,
+        save_trajectories=save_trajectories,
+    )
+    console = Console()
+    with RunProgress(console, policy) as progress:
+        result = run_request(request, progress)
+    console.print(render_entry(build({out.name: result}, sizes).entries[0]))
+    console.print(f"{len(result.rows)} rows in {out}", highlight=False)
+
+
+@app.command()
+def leaderboard(
+    folder: Annotated[
+        Path | None, typer.Argument(help="Folder of result files [default: the shipped results]")
+    ] = None,
+    markdown: Annotated[bool, typer.Option("--markdown", help="Print Markdown.")] = False,
+) -> None:
+    """Compare results: every figure recomputed from the rows, with 95 % intervals."""
+    from rich.console import Console
+
+    from drpbench.evaluation.leaderboard import build, load_dir
+    from drpbench.evaluation.shipped import shipped_results
+    from drpbench.evaluation.tables import render_markdown, render_terminal
+    from drpbench.problems import counts
+
+    board = build(load_dir(folder if folder is not None else shipped_results()), counts())
+    if markdown:
+        print(render_markdown(board))
+    else:
+        console = Console()
+        console.print(render_terminal(board))
+
+
+@app.command("list")
+def list_() -> None:
+    """Tasks and policies there are."""
+    from rich.console import Console
+
+    from drpbench.envs import TASKS
+    from drpbench.evaluation.registry import POLICIES, WRAPPERS
+    from drpbench.problems import counts
+    from drpbench.terminal import listing
+
+    sizes = counts()
+    tasks = [(name, f"{task.title}, {sizes[name]} problems") for name, task in TASKS.items()]
+    policies = [(name, about) for name, (_, about) in POLICIES.items()]
+    policies += [(f"…+{name}", about) for name, (_, about) in WRAPPERS.items()]
+    Console().print(listing({"Tasks": tasks, "Policies": policies}))
+
+
+def _problem(task: str, id: int):
+    from drpbench.problems import load
+
+    name = parse_tasks(task)[0]
+    problems = load(name)
+    if not 0 <= id < len(problems.level):
+        raise Refused(f"no problem {id} in {name}; ids go from 0 to {len(problems.level) - 1}")
+    return problems
+
+
+@problems_app.command("show")
+def show(
+    task: Annotated[str, typer.Argument(help="The task: FDO")],
+    id: Annotated[int, typer.Argument(help="The problem's number: 17")],
+) -> None:
+    """Print one problem."""
+    from rich.console import Console
+
+    from drpbench.terminal import problem_card
+
+    Console().print(problem_card(_problem(task, id).to_json(id)))
+
+
+@problems_app.command("export")
+def export(
+    task: Annotated[str, typer.Option(help="One task, several or all.")],
+    out: Annotated[Path, typer.Option(help="The file to write, JSON lines.")],
+) -> None:
+    """Write problems for other tools: one JSON object a line. Refuses to overwrite."""
+    import json
+
+    from drpbench.problems import load
+
+    names = parse_tasks(task)
+    if out.exists():
+        raise Refused(f"{out}: exists; nothing overwritten. Name another file with --out")
+    try:
+        with open(out, "x", encoding="utf-8") as file:
+            for name in names:
+                problems = load(name)
+                for id in range(len(problems.level)):
+                    file.write(json.dumps(problems.to_json(id)) + "\n")
+    except OSError as error:
+        raise Refused(f"{out}: cannot be written ({error.strerror})") from None
+    typer.echo(f"wrote {out}")
+
+
+@app.command()
+def doctor() -> None:
+    """Versions, device, and a self-test: every link put into every kind of primitive must be seen."""
+    from drpbench.compile import use_cache
+
+    use_cache()
+    from rich.console import Console
+
+    from drpbench.evaluation.doctor import examine
+    from drpbench.terminal import diagnosis
+
+    report = examine()
+    Console().print(diagnosis(report))
+    if not report.healthy:
+        raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,95 @@
+"""From what happened to one row: reach, collision, clearance, path length, smoothness."""
+
+import math
+
+import numpy as np
+
+from drpbench.envs import CONTROL_PERIOD
+from drpbench.robot import JOINT_LOWER, JOINT_UPPER, LINKS, moving_spheres
+
+from .results import Row
+from .rollout import Trace
+
+REACH_POSITION = 0.01  # [m]
+REACH_POSITION_LOOSE = 0.05  # [m] the reference evaluator's
+REACH_ORIENTATION = math.radians(15.0)
+LIMIT_TOLERANCE = 1e-3  # [rad]
+
+
+def sparc(speed: np.ndarray, rate: float) -> float | None:
+    """Spectral arc length of a speed profile sampled at `rate` [Hz]: smoothness, 0 at best.
+
+    Minus the arc length of the amplitude spectrum, scaled to 1 at zero frequency and to 1 across the
+    band, up to the last frequency below 10 Hz with more than 5 % of the amplitude (Balasubramanian et
+    al. 2015, "On the analysis of movement smoothness"). None for no movement.
+    """
+    if speed.size < 2 or speed.max() < 1e-4:
+        return None
+    count = 2 ** (math.ceil(math.log2(speed.size)) + 4)
+    spectrum = np.abs(np.fft.rfft(speed, count))
+    frequency = np.fft.rfftfreq(count, 1.0 / rate)
+    amplitude = (spectrum / spectrum.max())[frequency <= 10.0]
+    frequency = frequency[frequency <= 10.0]
+    strong = np.nonzero(amplitude >= 0.05)[0]
+    band = slice(strong[0], strong[-1] + 1)
+    amplitude, frequency = amplitude[band], frequency[band]
+    if frequency.size < 2:
+        return 0.0
+    across = np.diff(frequency) / (frequency[-1] - frequency[0])
+    return -float(np.sum(np.hypot(across, np.diff(amplitude))))
+
+
+def rows(task: str, ids: list[int], families: list[str], trace: Trace) -> list[Row]:
+    """One row per problem, in the order of the trace."""
+    return [_row(task, id, families[b], trace, b) for b, id in enumerate(ids)]
+
+
+def _number(value) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _row(task: str, id: int, family: str, trace: Trace, b: int) -> Row:
+    finite = bool(trace.finite[:, b].all())
+    turned = trace.orientation_error[:, b] < REACH_ORIENTATION
+    at_goal = (trace.position_error[:, b] < REACH_POSITION) & turned
+    near_goal = (trace.position_error[:, b] < REACH_POSITION_LOOSE) & turned
+    reached = finite and bool(at_goal[-1])
+    touching = trace.clearance[:, b] < 0.0
+    collided = bool(touching.any())
+    first = int(np.argmax(touching)) if collided else None
+
+    joints = np.concatenate([trace.start[None, b], trace.joint_position[:, b]]).astype(float)
+    grip = np.concatenate([trace.start_grip[None, b], trace.grip_position[:, b]]).astype(float)
+    joint_steps = np.linalg.norm(np.diff(joints, axis=0), axis=1)
+    grip_steps = np.linalg.norm(np.diff(grip, axis=0), axis=1)
+    rate = 1.0 / CONTROL_PERIOD
+    beyond = np.maximum(JOINT_LOWER - joints, joints - JOINT_UPPER)
+    time_to_goal = None
+    if reached:
+        away = np.nonzero(~at_goal)[0]
+        time_to_goal = float((away[-1] + 1 if away.size else 0) + 1) * CONTROL_PERIOD
+    link = moving_spheres().link
+    return Row(
+        id=int(id),
+        task=task,
+        family=family,
+        success=reached and not collided,
+        reached=reached,
+        reached_5cm=finite and bool(near_goal[-1]),
+        reached_once=reached or bool(at_goal.any()),
+        collided=collided,
+        first_collision_step=first,
+        first_collision_link=None if first is None else LINKS[link[trace.sphere[first, b]]],
+        self_collided=bool((trace.self_clearance[:, b] < 0.0).any()),
+        min_clearance=_number(np.nanmin(trace.clearance[:, b])),
+        position_error=_number(trace.position_error[-1, b]),
+        orientation_error=_number(trace.orientation_error[-1, b]),
+        time_to_goal=time_to_goal,
+        joint_path_length=_number(joint_steps.sum()),
+        ee_path_length=_number(grip_steps.sum()),
+        sparc_joint=sparc(joint_steps * rate, rate) if finite else None,
+        sparc_ee=sparc(grip_steps * rate, rate) if finite else None,
+        joint_limit_violation=bool((beyond > LIMIT_TOLERANCE).any()),
+        status="ok" if finite else "nan",
+        valid=bool(trace.valid[b]),
+    )

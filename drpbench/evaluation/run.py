@@ -1,0 +1,134 @@
+"""A whole run: every problem asked for exactly once, in batches, safe on disk after each."""
+
+import datetime
+import importlib.metadata
+import platform
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import jax
+
+from drpbench import __version__
+from drpbench.envs import CONTROL_STEPS, TASKS
+from drpbench.problems import load
+
+from .journal import Journal
+from .metrics import rows as rows_of
+from .registry import make, parameters
+from .results import Header, Result, Row
+from .rollout import LANES, Rollout, take
+from .trajectories import Trajectories
+
+
+class Progress(Protocol):
+    """What is told of a run while it goes on."""
+
+    def begin(self, task: str, steps: int, done: int) -> None:
+        """A task begins: control steps times episodes in all, and those done before a resume."""
+
+    def advance(self, steps: int) -> None:
+        """So many more were simulated."""
+
+    def rows(self, rows: Sequence[Row]) -> None:
+        """Rows are finished, and safe."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to run. `problems` maps each task, in order, to ids, or None for all of them."""
+
+    policy: str
+    problems: Mapping[str, Sequence[int] | None]
+    out: Path
+    seed: int = 0
+    batch_size: int = LANES
+    resume: bool = False
+    save_trajectories: bool = False
+
+
+def device_name() -> str:
+    """The accelerator or processor that JAX runs on."""
+    device = jax.devices()[0]
+    if device.platform != "cpu":
+        return device.device_kind
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
+    except (OSError, StopIteration):
+        return platform.processor() or "cpu"
+
+
+def versions() -> dict[str, str]:
+    """The version of each software that moves a number."""
+    packages = ("jax", "jaxlib", "mujoco", "mujoco-mjx", "numpy")
+    found = {name: importlib.metadata.version(name) for name in packages}
+    return {"drpbench": __version__, "python": platform.python_version(), **found}
+
+
+def run(request: Request, progress: Progress) -> Result:
+    """Runs what is asked for, or what is left of it, and writes the result file.
+
+    Raises UnknownPolicy, ResultsError or ProblemSetError, before anything is simulated.
+    """
+    policy = make(request.policy)
+    sets = {task: load(task) for task in request.problems}
+    first = next(iter(sets.values()))
+    header = Header(
+        policy=request.policy,
+        policy_parameters=parameters(policy),
+        privileged=policy.privileged,
+        tasks=list(request.problems),
+        problem_set=first.name,
+        problem_set_sha256=first.sha256,
+        seed=request.seed,
+        precision="float32",
+        device=device_name(),
+        batch_size=request.batch_size,
+        versions=versions(),
+        platform=platform.platform(),
+        created=datetime.datetime.now(datetime.UTC).isoformat(),
+        problems={
+            task: None if ids is None else list(ids) for task, ids in request.problems.items()
+        },
+        wall_seconds=0.0,
+    )
+    begin = Journal.resume if request.resume else Journal.create
+    with begin(request.out, header) as journal:
+        if not journal.finished:
+            trajectories = Trajectories(request.out) if request.save_trajectories else None
+            for task, ids in request.problems.items():
+                wanted = range(len(sets[task].level)) if ids is None else ids
+                _run_task(
+                    request, policy, task, sets[task], wanted, journal, trajectories, progress
+                )
+            if trajectories:
+                trajectories.finish()
+        return journal.finish()
+
+
+def _run_task(request, policy, task, problems, wanted, journal, trajectories, progress) -> None:
+    left = [id for id in wanted if (task, id) not in journal.done]
+    passes = 2 if TASKS[task].rehearsed else 1
+    batches = list(_batches(left, request.batch_size))
+    per_batch = CONTROL_STEPS * passes
+    progress.begin(task, len(left) * per_batch, len(wanted) - len(left))
+    lanes = max(LANES, request.batch_size)
+    rollout = Rollout(TASKS[task], policy, request.seed, lanes)
+    for ids in batches:
+        began = time.perf_counter()
+        trace = rollout.run(
+            take(problems, ids), lambda steps, count=len(ids): progress.advance(steps * count)
+        )
+        finished = rows_of(task, ids, [problems.family[id] for id in ids], trace)
+        if trajectories:
+            trajectories.add(task, ids, trace)
+        journal.append(finished, seconds=time.perf_counter() - began)
+        progress.rows(finished)
+
+
+def _batches(ids: Sequence[int], size: int) -> Iterator[list[int]]:
+    for first in range(0, len(ids), size):
+        yield list(ids[first : first + size])

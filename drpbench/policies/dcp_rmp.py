@@ -1,0 +1,188 @@
+"""DCP-RMP: a Riemannian motion policy on the dynamic closest point, as a goal-proposal module.
+
+After the paper's appendix "DCP-RMP Details". With x_obs the dynamic scene point closest to the arm and
+x_p the arm's surface point closest to it:
+
+    x_r  = |x_p - x_obs|^2                     J_r = 2 (x_p - x_obs)^T J_p
+    s    = 1 - 1 / (1 + exp(-xd_r / l_v))      1 when closing, 0 when opening
+    f_r  = k_p exp(-x_r / l_p) - k_v s xd_r / (x_r / l_d + eps_d)
+    M_r  = s g(x_r) mu_r / (x_r / l_m + eps_m)        g(x) = (x - r)^2 / r^2 for x <= r, else 0
+    f_g  = k_g (q_g - q) - k_d qd                     M_g = mu_g I
+
+pulled back to joint space and combined,
+
+    qdd  = (J_r^T M_r J_r + M_g)^+ (J_r^T M_r f_r + M_g f_g)
+
+and integrated by Euler steps from the arm's own state to the modified goal. Since J_r^T M_r J_r has
+rank one, the inverse is closed (Sherman and Morrison).
+
+Where this differs from what is published: x_r is the squared distance throughout, J_r its derivative
+(the authors' released code takes a plain distance with the squared distance's Jacobian); xd_r includes
+the obstacle's own motion, dx_obs/dt, because an obstacle that comes at a resting arm is closing too;
+the constants are tuned for squared metres on problems drawn apart from the frozen ones.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from drpbench.compile import stored
+from drpbench.envs import CONTROL_PERIOD, Observation
+from drpbench.geometry import matrix_to_quaternion
+from drpbench.robot import (
+    JOINT_LOWER,
+    JOINT_UPPER,
+    grip_pose,
+    link_poses,
+    moving_spheres,
+    point_jacobian,
+)
+
+from .dynamic_points import is_dynamic, near_arm, squared_distances, velocity
+
+_STILL = 5e-4  # [m] a point that moved less since the last frame is static
+_APPEARED = 0.02  # [m] a point that would have moved more has just appeared
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Constants:
+    """The appendix's constants, for x_r in m^2."""
+
+    k_p: float = 100.0
+    l_p: float = 0.02
+    k_v: float = 10.0
+    l_v: float = 0.01
+    l_d: float = 0.1
+    eps_d: float = 0.01
+    mu_r: float = 10_000.0
+    l_m: float = 0.02
+    eps_m: float = 0.001
+    r: float = 0.04
+    """Dynamic points beyond this squared distance [m^2] do not matter."""
+    k_g: float = 1.0
+    k_d: float = 2.0
+    mu_g: float = 50.0
+    euler_steps: int = field(default=10, metadata={"static": True})
+    euler_period: float = 0.1
+    """[s] of one Euler step of the virtual goal."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class _Carry:
+    inner: Any
+    points: Float[Array, "N 3"]
+    mask: Bool[Array, " N"]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class DcpRmp:
+    """Any policy with its goal modified by DCP-RMP: `--policy straight+dcp-rmp`."""
+
+    policy: Any
+    constants: Constants = field(default_factory=Constants)
+
+    @property
+    def privileged(self) -> bool:
+        return self.policy.privileged
+
+    def init(self, observation: Observation) -> _Carry:
+        return _Carry(
+            inner=self.policy.init(observation),
+            points=observation.scene_points,
+            mask=jnp.zeros_like(observation.scene_mask),
+        )
+
+    def act(self, observation: Observation, carry: _Carry, key):
+        goal = self.modified_goal(observation, carry)
+        position, rotation = grip_pose(link_poses(goal))
+        seen = replace(
+            observation,
+            goal_joints=goal,
+            goal_position=position,
+            goal_quaternion=matrix_to_quaternion(rotation),
+        )
+        target, inner = self.policy.act(seen, carry.inner, key)
+        return target, _Carry(inner, observation.scene_points, observation.scene_mask)
+
+    def modified_goal(self, observation: Observation, carry: _Carry) -> Float[Array, "7"]:
+        """q_mg [rad]: q_g itself, exactly, unless a dynamic point is within reach."""
+        model = moving_spheres()
+        q = observation.joint_position
+        poses = link_poses(q)
+        centers, radii = model.world(poses), jnp.asarray(model.radius)
+        coarse = np.arange(0, model.count, 4)
+        near = near_arm(
+            observation.scene_points, observation.scene_mask, centers[coarse], radii[coarse]
+        )
+        dynamic = is_dynamic(near, carry.points, carry.mask, threshold=_STILL)
+        x_obs, x_p, sphere = _closest(near, dynamic, centers, radii)
+        goal = integrate(
+            self.constants,
+            q,
+            observation.joint_velocity,
+            observation.goal_joints,
+            x_p,
+            point_jacobian(poses, x_p, jnp.asarray(model.frame)[sphere]),
+            x_obs,
+            velocity(x_obs, carry.points, carry.mask, CONTROL_PERIOD, farthest=_APPEARED),
+        )
+        matters = dynamic.any() & (jnp.sum(jnp.square(x_p - x_obs)) < self.constants.r)
+        return jnp.where(matters, jnp.clip(goal, JOINT_LOWER, JOINT_UPPER), observation.goal_joints)
+
+
+def _closest(near, dynamic, centers, radii):
+    """x_obs, the dynamic point closest to the arm; x_p, the arm's surface point closest to it; and that
+    point's sphere."""
+    # Each minimum is taken apart from its argument: XLA's argmin on the CPU is twenty times slower.
+    gap = stored(jnp.min(jnp.sqrt(squared_distances(near, centers)) - radii, axis=1))
+    x_obs = near[jnp.argmin(jnp.where(dynamic, gap, jnp.inf))]
+    gap = stored(jnp.linalg.norm(x_obs - centers, axis=-1) - radii)
+    sphere = jnp.argmin(gap)
+    outward = x_obs - centers[sphere]
+    length = jnp.maximum(jnp.linalg.norm(outward), 1e-6)
+    # Inside the sphere the two points coincide; a millimetre keeps the direction defined.
+    reach = jnp.minimum(radii[sphere], length - 1e-3)
+    return x_obs, centers[sphere] + outward / length * reach, sphere
+
+
+def integrate(
+    c: Constants,
+    q: Float[Array, "7"],
+    qd: Float[Array, "7"],
+    q_goal: Float[Array, "7"],
+    x_p: Float[Array, "3"],
+    jacobian: Float[Array, "3 7"],
+    x_obs: Float[Array, "3"],
+    v_obs: Float[Array, "3"],
+) -> Float[Array, "7"]:
+    """The modified goal [rad] after the Euler steps. x_p follows the virtual arm to first order, and
+    x_obs keeps its velocity [m/s]."""
+
+    def step(state, _):
+        p, v, obstacle = state
+        offset = x_p + jacobian @ (p - q) - obstacle
+        x_r = jnp.sum(offset * offset)
+        j_r = 2.0 * offset @ jacobian
+        xd_r = j_r @ v - 2.0 * offset @ v_obs
+        closing = 1.0 - 1.0 / (1.0 + jnp.exp(jnp.clip(-xd_r / c.l_v, -50.0, 50.0)))
+        f_r = c.k_p * jnp.exp(-x_r / c.l_p) - c.k_v * closing * xd_r / (x_r / c.l_d + c.eps_d)
+        gate = jnp.where(x_r <= c.r, (x_r - c.r) ** 2 / c.r**2, 0.0)
+        m_r = closing * gate * c.mu_r / (x_r / c.l_m + c.eps_m)
+        f_g = c.k_g * (q_goal - p) - c.k_d * v
+        # J_r^T M_r J_r (J_r^T M_r J_r)^+ J_r^T M_r f_r = J_r^T M_r f_r, for one row J_r.
+        force = j_r * (m_r * f_r) + c.mu_g * f_g
+        along = m_r * (j_r @ force) / (c.mu_g + m_r * (j_r @ j_r))
+        qdd = (force - j_r * along) / c.mu_g
+        v = v + c.euler_period * qdd
+        p = p + c.euler_period * v
+        return (p, v, obstacle + c.euler_period * v_obs), None
+
+    (goal, _, _), _ = jax.lax.scan(step, (q, qd, x_obs), None, length=c.euler_steps)
+    return goal

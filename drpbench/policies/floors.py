@@ -1,0 +1,44 @@
+"""The two floors that every policy is measured against: standing still, and the straight line."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+
+from drpbench.robot import VELOCITY_LIMIT
+
+SERVO_LAG = 0.05  # [s] kd / kp: a target this far ahead of the arm makes it move at the speed meant
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Hold:
+    """Stays where the episode began."""
+
+    privileged = False
+
+    def init(self, observation):
+        return observation.joint_position
+
+    def act(self, observation, carry, key):
+        return carry, carry
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Straight:
+    """The straight line to the goal joints, at a share of the velocity limits; blind to the scene."""
+
+    speed: float = 0.5
+
+    privileged = False
+
+    def init(self, observation):
+        return ()
+
+    def act(self, observation, carry, key):
+        away = observation.goal_joints - observation.joint_position
+        # The joint that is slowest relative to its limit sets the pace of all.
+        needed = jnp.max(jnp.abs(away) / jnp.asarray(VELOCITY_LIMIT, away.dtype))
+        share = jnp.minimum(1.0, self.speed * SERVO_LAG / jnp.maximum(needed, 1e-9))
+        return observation.joint_position + share * away, carry
