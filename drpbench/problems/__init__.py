@@ -1,0 +1,8 @@
+"""The problems: frozen numbered sets. What made them is in `generator`, imported on demand."""
+
+from .composition import TASKS as TASKS
+from .frozen import PROBLEM_SET as PROBLEM_SET
+from .frozen import ProblemSet as ProblemSet
+from .frozen import ProblemSetError as ProblemSetError
+from .frozen import counts as counts
+from .frozen import load as load

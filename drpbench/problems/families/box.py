@@ -24,23 +24,27 @@ def build(rng: np.random.Generator, items: int = 3, compact: bool = False) -> sc
         scene.span((wall, half - wall, wall), (depth - wall, half, height)),
         scene.span((wall, -half, wall), (depth - wall, -half + wall, height)),
     ]
-    if not compact and rng.uniform() < 0.4:
+    flapped = not compact and rng.uniform() < 0.4
+    if flapped:
         parts += flaps(rng, depth, width, height)
     filled = 0.0
-    for y, room in placement.slots(rng, -half + wall, half - wall, items)[: rng.integers(items + 1)]:
+    places = placement.slots(rng, -half + wall, half - wall, items)
+    for y, room in places[: rng.integers(items + 1)]:
         x = rng.uniform(0.35, 0.65) * depth
         parts.append(placement.item(rng, x, y, wall, min(0.8 * room, 0.10), 0.35 * height))
         filled = 0.35 * height
     inside = scene.region(
         "in the box",
-        (0.35 * depth, -0.25 * width, wall + filled + 0.02),
-        (0.65 * depth, 0.25 * width, max(height - 0.03, wall + filled + 0.05)),
+        (0.3 * depth, -0.35 * width, wall + filled + 0.02),
+        (0.7 * depth, 0.35 * width, max(height - 0.03, wall + filled + 0.05)),
         approach=DOWN,
         wide=placement.ACROSS,
         tilt=0.35,
         roll=np.pi if not compact else 0.6,
     )
-    return scene.Furniture(tuple(parts), (inside,), np.array([depth, width, height]))
+    size = np.array([depth, width, height])
+    beside = () if flapped else placement.close_beside(size)
+    return scene.Furniture(tuple(parts), (inside, inside, *beside), size)
 
 
 def flaps(rng, depth: float, width: float, height: float) -> list[scene.Primitive]:

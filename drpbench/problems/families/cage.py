@@ -45,7 +45,10 @@ def build(rng: np.random.Generator, items: int = 1) -> scene.Furniture:
     inside = scene.region(
         "in the cage", low, high, approach, wide=placement.ACROSS, tilt=0.4, roll=np.pi
     )
-    return scene.Furniture(tuple(parts), (inside,), np.array([depth, width, height]))
+    size = np.array([depth, width, height])
+    return scene.Furniture(
+        tuple(parts), (inside, inside, inside, *placement.close_beside(size)), size
+    )
 
 
 def draw(rng: np.random.Generator) -> scene.Scene:

@@ -18,9 +18,7 @@ def build(rng: np.random.Generator, items: int = 5, compact: bool = False) -> sc
     depth, board = rng.uniform(0.24, 0.34), rng.uniform(0.01, 0.02)
     half = width / 2
     levels = np.linspace(board / 2, height - board / 2, rows + 1)
-    parts = [
-        scene.span((0, -half, z - board / 2), (depth, half, z + board / 2)) for z in levels
-    ]
+    parts = [scene.span((0, -half, z - board / 2), (depth, half, z + board / 2)) for z in levels]
     parts += [
         scene.span((0, y - board / 2, 0), (depth, y + board / 2, height)) for y in (-half, half)
     ]

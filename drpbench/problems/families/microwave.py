@@ -30,9 +30,7 @@ def build(rng: np.random.Generator, items: int = 1, compact: bool = False) -> sc
     # Closed, the door reaches from its hinge at y = half to y = right; opening turns it to the front.
     outward = np.array([-np.sin(opening), -np.cos(opening), 0.0])
     middle = np.array([-0.012, half, stand + height / 2]) + outward * leaf / 2
-    parts.append(
-        scene.box((0.024, leaf, height), middle, rotation.axis_angle((0, 0, 1), -opening))
-    )
+    parts.append(scene.box((0.024, leaf, height), middle, rotation.axis_angle((0, 0, 1), -opening)))
     grasp = np.array([-0.012, half, 0.0]) + outward * (leaf - 0.03)
     face = np.array([np.cos(opening), -np.sin(opening), 0.0])  # the outer side of the door
     grasp = grasp - 0.03 * face
@@ -62,7 +60,29 @@ def build(rng: np.random.Generator, items: int = 1, compact: bool = False) -> sc
         tilt=0.3,
         roll=np.pi,
     )
-    return scene.Furniture(tuple(parts), (inside,), np.array([depth, width, stand + height]))
+    at_handle = scene.region(
+        "at the handle",
+        (grasp[0] - 0.01, grasp[1] - 0.01, stand + 0.35 * height),
+        (grasp[0] + 0.01, grasp[1] + 0.01, stand + 0.65 * height),
+        face,
+        wide=outward,
+        tilt=0.3,
+        roll=0.2,
+    )
+    on_top = scene.region(
+        "on the microwave",
+        (0.2 * depth, -0.4 * width, stand + height + 0.03),
+        (0.8 * depth, 0.4 * width, stand + height + 0.06),
+        (0.5, 0, -1),
+        wide=placement.ACROSS,
+        tilt=0.4,
+        roll=np.pi,
+    )
+    return scene.Furniture(
+        tuple(parts),
+        (inside, inside, inside, at_handle, on_top),
+        np.array([depth, width, stand + height]),
+    )
 
 
 def draw(rng: np.random.Generator) -> scene.Scene:

@@ -35,12 +35,31 @@ def around(size, position, yaw: float) -> tuple[scene.HandRegion, ...]:
     regions = (
         scene.region("left", (-0.2, half + 0.08, low), (depth, half + 0.40, high), **side),
         scene.region("right", (-0.2, -half - 0.40, low), (depth, -half - 0.08, high), **side),
-        scene.region(
-            "above", (-0.1, -half, height + 0.06), (depth, half, height + 0.35), **side
-        ),
+        scene.region("above", (-0.1, -half, height + 0.06), (depth, half, height + 0.35), **side),
         scene.region("before", (-0.25, -half, low), (-0.08, half, high), **side),
     )
     return tuple(scene.moved(r, position, turn) for r in regions)
+
+
+def close_beside(size, low: float = 0.06) -> tuple[scene.HandRegion, ...]:
+    """Just outside the left and right faces of furniture of `size`: a hand pointing down there."""
+    depth, width, height = size
+    high = max(low + 0.02, min(height - 0.05, 0.25))
+    regions = []
+    for place, side in (("close to the left", 1), ("close to the right", -1)):
+        y = sorted((side * (width / 2 + 0.05), side * (width / 2 + 0.09)))
+        regions.append(
+            scene.region(
+                place,
+                (0.1 * depth, y[0], low),
+                (0.8 * depth, y[1], high),
+                (0.3, 0, -1),
+                wide=(1.0, 0.0, 0.0),
+                tilt=0.3,
+                roll=0.4,
+            )
+        )
+    return tuple(regions)
 
 
 def item(rng, x: float, y: float, z: float, width: float, height: float) -> scene.Primitive:

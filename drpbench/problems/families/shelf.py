@@ -48,9 +48,7 @@ def build(rng: np.random.Generator, items: int = 9, compact: bool = False) -> sc
                 objects.append(things(rng, depth, y, floor, share, room))
     keep = rng.permutation(len(objects))[:items]
     parts += [objects[i] for i in sorted(keep)]
-    return scene.Furniture(
-        tuple(parts), tuple(tight), np.array([depth, width + 2 * board, height])
-    )
+    return scene.Furniture(tuple(parts), tuple(tight), np.array([depth, width + 2 * board, height]))
 
 
 def things(rng, depth, y, floor, share, room) -> scene.Primitive:

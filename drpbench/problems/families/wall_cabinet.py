@@ -74,7 +74,5 @@ def draw(rng: np.random.Generator) -> scene.Scene:
     """One wall cabinet before the arm, over the tabletop."""
     piece = build(rng)
     position, yaw = placement.pose(rng, (0.44, 0.56), (-0.6, 0.6), swivel=0.1)
-    free = tuple(
-        r for r in placement.around(piece.size, position, yaw) if r.place != "above"
-    )
+    free = tuple(r for r in placement.around(piece.size, position, yaw) if r.place != "above")
     return scene.compose("wall_cabinet", (piece.placed(position, yaw),), free)
