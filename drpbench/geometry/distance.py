@@ -32,23 +32,24 @@ def _rows(primitives: Primitives) -> tuple[Float[Array, " K"], ...]:
     Half sizes of the folded box; whether y and z go into the first coordinate (1 or 0); position;
     rotation. An axis that never binds is FAR thick, and what is masked is FAR away.
     """
+    primitives = jax.tree.map(jnp.asarray, primitives)
     is_round, is_sphere = primitives.kind != BOX, primitives.kind == SPHERE
     half = tuple(primitives.half_size[..., i] for i in range(3))
     return (
         jnp.where(primitives.mask, half[0], -FAR),
         jnp.where(is_round, FAR, half[1]),
         jnp.where(is_sphere, FAR, half[2]),
-        jnp.asarray(is_round, half[0].dtype),
-        jnp.asarray(is_sphere, half[0].dtype),
+        is_round.astype(half[0].dtype),
+        is_sphere.astype(half[0].dtype),
         *(primitives.position[..., i] for i in range(3)),
         *(primitives.rotation[..., i, j] for i in range(3) for j in range(3)),
     )
 
 
-def _row_of(primitives: Primitives, which):
+def _pick(rows, which):
     """The rows of the primitives that `which` names: one gather, because each costs as much as all."""
-    rows = jnp.stack(_rows(primitives), axis=-1)[which]
-    return tuple(rows[..., i] for i in range(rows.shape[-1]))
+    picked = jnp.stack(rows, axis=-1)[which]
+    return tuple(picked[..., i] for i in range(len(rows)))
 
 
 def _fold(point, row):
@@ -75,6 +76,59 @@ def _distance(point, row):
     return jnp.sqrt(a * a + b * b + c * c) + jnp.where(most < 0.0, most, 0.0)
 
 
+def _search(point, rows):
+    """Index of the nearest primitive of each point.
+
+    Distance and index travel as one integer, the index in the lowest bits: one running minimum
+    instead of two that depend on each other, which XLA on the CPU computes again for each other.
+    """
+    index_bits = (1 << (rows[0].shape[-1] - 1).bit_length()) - 1
+
+    def visit(carry, row):
+        least, index = carry
+        distance = _distance(point, row).astype(jnp.float32)
+        bits = jax.lax.bitcast_convert_type(distance, jnp.int32)
+        ordered = bits ^ ((bits >> 31) & 0x7FFFFFFF)  # integers in the order of the floats
+        return (jnp.minimum(least, (ordered & ~index_bits) | index), index + 1), None
+
+    start = jnp.full(point[0].shape, 2**31 - 1, jnp.int32)
+    (least, _), _ = jax.lax.scan(visit, (start, jnp.int32(0)), rows, unroll=True)
+    return stored(least & index_bits)
+
+
+def _gradient(point, row):
+    """Unit gradient of `_distance`, by components."""
+    (x, y, z), (u, v, w), radius = _fold(point, row)
+    (y_in, z_in), r = row[3:5], row[8:]
+
+    # In folded coordinates.
+    a, b, c = jnp.maximum(u, 0.0), jnp.maximum(v, 0.0), jnp.maximum(w, 0.0)
+    length = jnp.sqrt(a * a + b * b + c * c)
+    outside = length > 0.0
+    scale = 1.0 / jnp.where(outside, length, 1.0)
+    first = (u >= v) & (u >= w)
+    second = ~first & (v >= w)
+    gu = jnp.where(outside, a * scale, jnp.where(first, 1.0, 0.0))
+    gv = jnp.where(outside, b * scale, jnp.where(second, 1.0, 0.0))
+    gw = jnp.where(outside, c * scale, jnp.where(first | second, 0.0, 1.0))
+
+    # Unfolded: u_x spreads over the axes it was made of; gv and gw are zero where theirs never bind.
+    safe = radius > _TINY
+    radial = gu / jnp.where(safe, radius, 1.0)
+    nx = jnp.where(safe, radial * x, gu)
+    ny = radial * y_in * y + jnp.copysign(gv, y)
+    nz = radial * z_in * z + jnp.copysign(gw, z)
+    return (
+        r[0] * nx + r[1] * ny + r[2] * nz,
+        r[3] * nx + r[4] * ny + r[5] * nz,
+        r[6] * nx + r[7] * ny + r[8] * nz,
+    )
+
+
+def _components(points):
+    return tuple(points[..., i] for i in range(3))
+
+
 def nearest(
     points: Float[Array, "*points 3"], primitives: Primitives
 ) -> tuple[Float[Array, "*points"], Int[Array, "*points"]]:
@@ -87,22 +141,9 @@ def nearest(
     if primitives.count == 0:
         shape = points.shape[:-1]
         return jnp.full(shape, FAR, points.dtype), jnp.zeros(shape, jnp.int32)
-    point = tuple(points[..., i] for i in range(3))
-    # Distance and index travel as one integer, the index in the lowest bits: one running minimum
-    # instead of two that depend on each other, which XLA on the CPU computes again for each other.
-    index_bits = (1 << (primitives.count - 1).bit_length()) - 1
-
-    def visit(carry, row):
-        least, index = carry
-        distance = _distance(point, row).astype(jnp.float32)
-        bits = jax.lax.bitcast_convert_type(distance, jnp.int32)
-        ordered = bits ^ ((bits >> 31) & 0x7FFFFFFF)  # integers in the order of the floats
-        return (jnp.minimum(least, (ordered & ~index_bits) | index), index + 1), None
-
-    start = jnp.full(points.shape[:-1], 2**31 - 1, jnp.int32)
-    (least, _), _ = jax.lax.scan(visit, (start, jnp.int32(0)), _rows(primitives), unroll=True)
-    which = stored(least & index_bits)
-    distance = jnp.minimum(_distance(point, _row_of(primitives, which)), FAR)
+    point, rows = _components(points), _rows(primitives)
+    which = _search(point, rows)
+    distance = jnp.minimum(_distance(point, _pick(rows, which)), FAR)
     return distance, jnp.where(distance < FAR, which, 0)
 
 
@@ -115,39 +156,10 @@ def normal(
     soonest. Where the gradient does not exist (a sphere's centre, a cylinder's axis) one valid
     direction is returned.
     """
-    row = _row_of(primitives, which)
-    point = tuple(points[..., i] for i in range(3))
-    (x, y, z), (u, v, w), radius = _fold(point, row)
-    (y_in, z_in), r = row[3:5], row[8:]
-
-    # In folded coordinates.
-    a, b, c = jnp.maximum(u, 0.0), jnp.maximum(v, 0.0), jnp.maximum(w, 0.0)
-    length = jnp.sqrt(a * a + b * b + c * c)
-    outside = length > 0.0
-    scale = 1.0 / jnp.where(outside, length, 1.0)
-    first = (u >= v) & (u >= w)
-    second = ~first & (v >= w)
-    gu = jnp.where(outside, a * scale, first.astype(points.dtype))
-    gv = jnp.where(outside, b * scale, second.astype(points.dtype))
-    gw = jnp.where(outside, c * scale, (~first & ~second).astype(points.dtype))
-
-    # Unfolded: u_x spreads over the axes it was made of; gv and gw are zero where theirs never bind.
-    safe = radius > _TINY
-    radial = gu / jnp.where(safe, radius, 1.0)
-    nx = jnp.where(safe, radial * x, gu)
-    ny = radial * y_in * y + jnp.copysign(gv, y)
-    nz = radial * z_in * z + jnp.copysign(gw, z)
-    return jnp.stack(
-        [
-            r[0] * nx + r[1] * ny + r[2] * nz,
-            r[3] * nx + r[4] * ny + r[5] * nz,
-            r[6] * nx + r[7] * ny + r[8] * nz,
-        ],
-        axis=-1,
-    )
+    row = _pick(_rows(primitives), which)
+    return jnp.stack(_gradient(_components(points), row), axis=-1)
 
 
-@jax.custom_jvp
 def signed_distance(
     points: Float[Array, "*points 3"], primitives: Primitives
 ) -> Float[Array, "*points"]:
@@ -156,7 +168,14 @@ def signed_distance(
     `FAR` where every primitive is masked. Differentiable in `points` only, by the nearest primitive's
     closed-form normal.
     """
-    point = tuple(points[..., i] for i in range(3))
+    if primitives.count == 0:
+        return jnp.full(points.shape[:-1], FAR, points.dtype)
+    return _union(points, _rows(primitives))
+
+
+@jax.custom_jvp
+def _union(points, rows):
+    point = _components(points)
 
     def visit(least, row):
         distance = _distance(point, row)
@@ -164,14 +183,15 @@ def signed_distance(
 
     # Unrolled, the running minimum stays in registers.
     start = jnp.full(points.shape[:-1], FAR, points.dtype)
-    least, _ = jax.lax.scan(visit, start, _rows(primitives), unroll=max(primitives.count, 1))
+    least, _ = jax.lax.scan(visit, start, rows, unroll=True)
     return stored(least)
 
 
-@signed_distance.defjvp
-def _signed_distance_jvp(primals, tangents):
-    points, primitives = primals
-    distance, which = nearest(points, primitives)
-    direction = normal(points, primitives, which)
-    slope = jnp.where(distance < FAR, jnp.sum(direction * tangents[0], axis=-1), 0.0)
-    return distance, slope
+@_union.defjvp
+def _union_jvp(primals, tangents):
+    points, rows = primals
+    point = _components(points)
+    row = _pick(rows, _search(point, rows))
+    distance = jnp.minimum(_distance(point, row), FAR)
+    slope = sum(a * b for a, b in zip(_gradient(point, row), _components(tangents[0]), strict=True))
+    return distance, jnp.where(distance < FAR, slope, 0.0)

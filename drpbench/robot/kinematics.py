@@ -1,7 +1,7 @@
-"""Forward kinematics and Jacobians of the Panda in JAX, by components.
+"""Forward kinematics and Jacobians of the Panda in JAX.
 
 Every fixed rotation of the chain is a quarter turn about x, so a joint costs two plane rotations and
-no matrix product: nothing for the compiler to duplicate, and nothing for TF32 to round.
+no matrix product: nothing for TF32 to round.
 """
 
 from dataclasses import dataclass
@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
+
+from drpbench.compile import short_loops_unrolled
 
 # Joint i+1 in its parent link: offset [m], and the quarter turns about x that precede the joint.
 _OFFSETS = (
@@ -35,45 +37,29 @@ class LinkPoses:
     rotation: Float[Array, "*batch 9 3 3"]
 
 
-def _step(x, y, z, cos, sin):
-    """Columns of R Rz(angle), from the columns of R."""
-    return (
-        tuple(cos * a + sin * b for a, b in zip(x, y, strict=True)),
-        tuple(cos * b - sin * a for a, b in zip(x, y, strict=True)),
-        z,
-    )
-
-
-def _chain(q):
-    """Origins and axis columns of the nine frames, as nested tuples of scalars."""
-    o, x, y, z = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    frames = [(o, x, y, z)]
-    for i, (offset, turn) in enumerate(zip(_OFFSETS, _QUARTER_TURNS, strict=True)):
-        o = tuple(o[k] + offset[0] * x[k] + offset[1] * y[k] + offset[2] * z[k] for k in range(3))
-        if turn > 0:
-            y, z = z, tuple(-c for c in y)
-        elif turn < 0:
-            y, z = tuple(-c for c in z), y
-        x, y, z = _step(x, y, z, jnp.cos(q[i]), jnp.sin(q[i]))
-        frames.append((o, x, y, z))
-    o = tuple(o[k] + HAND_OFFSET * z[k] for k in range(3))
-    x, y, z = _step(x, y, z, _COS45, -_COS45)  # the hand is turned by -45 degrees
-    frames.append((o, x, y, z))
-    return frames
-
-
 def link_poses(q: Float[Array, "7"]) -> LinkPoses:
     """World poses of link0..link7 and the hand at joint positions `q` [rad]."""
-    frames = _chain(q)
-    zero = jnp.zeros((), q.dtype)
-    position = jnp.stack([jnp.stack([c + zero for c in o]) for o, *_ in frames])
-    rotation = jnp.stack(
-        [
-            jnp.stack([jnp.stack([axes[j][i] + zero for j in range(3)]) for i in range(3)])
-            for _, *axes in frames
-        ]
+
+    def joint(frame, fixed):
+        origin, x, y, z = frame
+        offset, turn, cos, sin = fixed
+        origin = origin + offset[0] * x + offset[1] * y + offset[2] * z
+        y, z = jnp.where(turn == 0, y, turn * z), jnp.where(turn == 0, z, -turn * y)
+        x, y = cos * x + sin * y, cos * y - sin * x
+        frame = (origin, x, y, z)
+        return frame, frame
+
+    base = (jnp.zeros(3, q.dtype), *jnp.eye(3, dtype=q.dtype))  # origin, and the axes x, y, z
+    fixed = (jnp.asarray(_OFFSETS, q.dtype), jnp.asarray(_QUARTER_TURNS, q.dtype))
+    chain = (*fixed, jnp.cos(q), jnp.sin(q))
+    (origin, x, y, z), moving = jax.lax.scan(joint, base, chain, unroll=short_loops_unrolled())
+    # The hand is turned by -45 degrees.
+    hand = (origin + HAND_OFFSET * z, _COS45 * (x - y), _COS45 * (x + y), z)
+    position, x, y, z = (
+        jnp.concatenate([first[None], middle, last[None]])
+        for first, middle, last in zip(base, moving, hand, strict=True)
     )
-    return LinkPoses(position=position, rotation=rotation)
+    return LinkPoses(position=position, rotation=jnp.stack([x, y, z], axis=-1))
 
 
 def grip_pose(poses: LinkPoses) -> tuple[Float[Array, "3"], Float[Array, "3 3"]]:
