@@ -90,6 +90,21 @@ def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
     return ids
 
 
+def default_out(policy: str, tasks: list[str], resume: bool) -> Path:
+    """`runs/rmp-FDO.json`, or the first of `runs/rmp-FDO-2.json`, ... that no earlier run has.
+
+    To resume, the latest that is unfinished.
+    """
+    tag = "all" if len(tasks) == len(TASK_NAMES) else "-".join(tasks)
+    names = [Path("runs") / f"{policy}-{tag}.json"]
+    while names[-1].exists():
+        names.append(Path("runs") / f"{policy}-{tag}-{len(names) + 1}.json")
+    if resume:
+        unfinished = [name for name in names if name.with_name(name.name + ".partial").exists()]
+        return (unfinished or names)[-1]
+    return names[-1]
+
+
 @app.command()
 def run(
     task: Annotated[str, typer.Option(help="One task, several (FDO,DGB) or all.")] = "all",
@@ -99,7 +114,7 @@ def run(
     ] = None,
     seed: Annotated[int, typer.Option(help="Of everything random. Compare equal seeds only.")] = 0,
     out: Annotated[
-        Path | None, typer.Option(help="Result file [default: results/POLICY-TASK.json]")
+        Path | None, typer.Option(help="Result file [default: runs/POLICY-TASK.json]")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished run.")] = False,
     batch_size: Annotated[
@@ -120,8 +135,7 @@ def run(
 
     sizes = counts()
     wanted = {name: parse_problems(problems, name, sizes[name]) for name in names}
-    tag = "all" if len(names) == len(TASK_NAMES) else "-".join(names)
-    out = out or Path("results") / f"{policy}-{tag}.json"
+    out = out or default_out(policy, names, resume)
     if out.suffix != ".json":
         raise Refused(f"--out {out}: the result file must end in .json")
 

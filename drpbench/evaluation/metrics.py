@@ -45,7 +45,13 @@ def rows(task: str, ids: list[int], families: list[str], trace: Trace) -> list[R
 
 
 def _number(value) -> float | None:
-    return float(value) if np.isfinite(value) else None
+    """Six significant digits are more than float32 has; result files stay small."""
+    return float(f"{value:.6g}") if np.isfinite(value) else None
+
+
+def _smoothness(speed: np.ndarray, finite: bool) -> float | None:
+    value = sparc(speed, 1.0 / CONTROL_PERIOD) if finite else None
+    return None if value is None else _number(value)
 
 
 def _row(task: str, id: int, family: str, trace: Trace, b: int) -> Row:
@@ -62,12 +68,11 @@ def _row(task: str, id: int, family: str, trace: Trace, b: int) -> Row:
     grip = np.concatenate([trace.start_grip[None, b], trace.grip_position[:, b]]).astype(float)
     joint_steps = np.linalg.norm(np.diff(joints, axis=0), axis=1)
     grip_steps = np.linalg.norm(np.diff(grip, axis=0), axis=1)
-    rate = 1.0 / CONTROL_PERIOD
     beyond = np.maximum(JOINT_LOWER - joints, joints - JOINT_UPPER)
     time_to_goal = None
     if reached:
         away = np.nonzero(~at_goal)[0]
-        time_to_goal = float((away[-1] + 1 if away.size else 0) + 1) * CONTROL_PERIOD
+        time_to_goal = _number(((away[-1] + 1 if away.size else 0) + 1) * CONTROL_PERIOD)
     link = moving_spheres().link
     return Row(
         id=int(id),
@@ -87,8 +92,8 @@ def _row(task: str, id: int, family: str, trace: Trace, b: int) -> Row:
         time_to_goal=time_to_goal,
         joint_path_length=_number(joint_steps.sum()),
         ee_path_length=_number(grip_steps.sum()),
-        sparc_joint=sparc(joint_steps * rate, rate) if finite else None,
-        sparc_ee=sparc(grip_steps * rate, rate) if finite else None,
+        sparc_joint=_smoothness(joint_steps / CONTROL_PERIOD, finite),
+        sparc_ee=_smoothness(grip_steps / CONTROL_PERIOD, finite),
         joint_limit_violation=bool((beyond > LIMIT_TOLERANCE).any()),
         status="ok" if finite else "nan",
         valid=bool(trace.valid[b]),

@@ -27,7 +27,7 @@ class Progress(Protocol):
     """What is told of a run while it goes on."""
 
     def begin(self, task: str, steps: int, done: int) -> None:
-        """A task begins: control steps times episodes in all, and those done before a resume."""
+        """A task begins: control steps of all its batches, and how many rows there were before."""
 
     def advance(self, steps: int) -> None:
         """So many more were simulated."""
@@ -111,17 +111,14 @@ def run(request: Request, progress: Progress) -> Result:
 
 def _run_task(request, policy, task, problems, wanted, journal, trajectories, progress) -> None:
     left = [id for id in wanted if (task, id) not in journal.done]
-    passes = 2 if TASKS[task].rehearsed else 1
     batches = list(_batches(left, request.batch_size))
-    per_batch = CONTROL_STEPS * passes
-    progress.begin(task, len(left) * per_batch, len(wanted) - len(left))
+    per_batch = CONTROL_STEPS * (2 if TASKS[task].rehearsed else 1)
+    progress.begin(task, len(batches) * per_batch, len(wanted) - len(left))
     lanes = max(LANES, request.batch_size)
     rollout = Rollout(TASKS[task], policy, request.seed, lanes)
     for ids in batches:
         began = time.perf_counter()
-        trace = rollout.run(
-            take(problems, ids), lambda steps, count=len(ids): progress.advance(steps * count)
-        )
+        trace = rollout.run(take(problems, ids), progress.advance)
         finished = rows_of(task, ids, [problems.family[id] for id in ids], trace)
         if trajectories:
             trajectories.add(task, ids, trace)

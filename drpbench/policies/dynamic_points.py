@@ -5,7 +5,6 @@ nearest neighbour is searched by brute force, for the points near the arm only, 
 matter.
 """
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
