@@ -24,6 +24,14 @@ def areas(primitives: Primitives) -> Float[Array, " K 3"]:
     return jnp.where(primitives.mask[..., None], area, 0.0)
 
 
+def _upper_ends(area: Float[Array, " P"]) -> Float[Array, " P"]:
+    """Where each part's share of the total area ends, the shares laid end to end.
+
+    Rounding, which depends on the order of summation, must give no share to a part without area.
+    """
+    return jax.lax.cummax(jnp.where(area > 0.0, jnp.cumsum(area), 0.0))
+
+
 def sample_surface(
     key: PRNGKeyArray, primitives: Primitives, count: int
 ) -> tuple[Float[Array, "{count} 3"], Int[Array, " {count}"]]:
@@ -31,11 +39,13 @@ def sample_surface(
 
     Surfaces inside another primitive are sampled too. Without any primitive, points at the origin.
     """
+    if primitives.count == 0:
+        return jnp.zeros((count, 3)), jnp.zeros(count, jnp.int32)
+    primitives = jax.tree.map(jnp.asarray, primitives)
     pick, place = jax.random.split(key)
-    by_part = areas(primitives).reshape(-1)
-    edges = jnp.cumsum(by_part)
-    ticket = jax.random.uniform(pick, (count,)) * edges[-1]
-    chosen = jnp.minimum(jnp.searchsorted(edges, ticket, side="right"), by_part.size - 1)
+    ends = _upper_ends(areas(primitives).reshape(-1))
+    ticket = jax.random.uniform(pick, (count,)) * ends[-1]
+    chosen = jnp.minimum(jnp.searchsorted(ends, ticket, side="right"), ends.size - 1)
     which, part = chosen // 3, chosen % 3
 
     kind = primitives.kind[which]
@@ -61,4 +71,5 @@ def sample_surface(
     local = jnp.where(kind == BOX, on_box, jnp.where(kind == CYLINDER, on_cylinder, on_sphere))
     rotated = jnp.einsum("nij,nj->ni", primitives.rotation[which], local, precision="highest")
     points = rotated + primitives.position[which]
-    return jnp.where(edges[-1] > 0.0, points, 0.0), which.astype(jnp.int32)
+    any_surface = ends[-1] > 0.0
+    return jnp.where(any_surface, points, 0.0), jnp.where(any_surface, which, 0).astype(jnp.int32)
