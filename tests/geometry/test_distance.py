@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from drpbench import compile
+from drpbench.compile import jit
 from drpbench.geometry import (
     BOX,
     CYLINDER,
@@ -94,9 +94,9 @@ def table(points, prims):
     return np.array([[expected(p, prims, k) for k in range(prims.count)] for p in points])
 
 
-distance_of = compile.jit(signed_distance)
-nearest_of = compile.jit(nearest)
-normal_of = compile.jit(normal)
+distance_of = jit(signed_distance)
+nearest_of = jit(nearest)
+normal_of = jit(normal)
 
 
 # One primitive, everywhere about it.
@@ -292,7 +292,7 @@ def test_without_any_primitive_everything_is_far(count):
     np.testing.assert_array_equal(distance, np.float32(FAR))
     np.testing.assert_array_equal(which, 0)
     np.testing.assert_array_equal(distance_of(points, prims), np.float32(FAR))
-    slope = compile.jit(jax.grad(lambda p: signed_distance(p, prims).sum()))(points)
+    slope = jit(jax.grad(lambda p: signed_distance(p, prims).sum()))(points)
     np.testing.assert_array_equal(slope, 0.0)
 
 
@@ -326,23 +326,23 @@ def test_gradient_is_the_normal_of_the_nearest_under_every_transformation():
     points = rng.uniform(-0.8, 0.8, (worlds, 30, 3)).astype(np.float32)
     tangent = rng.normal(size=points.shape).astype(np.float32)
 
-    @compile.jit
+    @jit
     @jax.vmap
     def reference(points, prims):
         distance, which = nearest(points, prims)
         return distance, normal(points, prims, which)
 
-    @compile.jit
+    @jit
     @jax.vmap
     def reverse(points, prims):
         return jax.value_and_grad(lambda p: signed_distance(p, prims).sum())(points)
 
-    @compile.jit
+    @jit
     @jax.vmap
     def forward(points, tangent, prims):
         return jax.jvp(lambda p: signed_distance(p, prims), (points,), (tangent,))
 
-    @compile.jit
+    @jit
     @jax.vmap
     def one_by_one(points, prims):
         return jax.vmap(jax.grad(signed_distance), in_axes=(0, None))(points, prims)
@@ -363,7 +363,7 @@ def test_gradient_survives_a_later_scalar_function():
     prims = primitives([BOX, SPHERE], [[0.3, 0.3, 0.3], [0.4] * 3], [[0.0, 0.0, 0.0], [0.5, 0, 0]])
     points = rng.uniform(-0.6, 0.6, (40, 3)).astype(np.float32)
 
-    @compile.jit
+    @jit
     def slope(points):
         return jax.grad(lambda p: jnp.sum(jnp.minimum(signed_distance(p, prims), 0.0) ** 2))(points)
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, kstest
 
-from drpbench import compile
+from drpbench.compile import jit
 from drpbench.geometry import (
     BOX,
     CYLINDER,
@@ -36,7 +36,7 @@ def primitives(kind, half_size, position=None, rotation=None, mask=None):
     )
 
 
-_drawn = compile.jit(
+_drawn = jit(
     lambda seed, prims, count: sample_surface(jax.random.key(seed), prims, count),
     static_argnums=2,
 )
@@ -64,7 +64,7 @@ def test_points_lie_on_the_surface(kind):
     prims = primitives([kind], [HALF[kind]], [[0.4, -0.3, 0.6]], rotation[None])
     points, which = draw(prims, 5_000)
     assert np.all(which == 0)
-    distance = compile.jit(signed_distance)(points, prims)
+    distance = jit(signed_distance)(points, prims)
     assert np.abs(distance).max() < 1e-5
 
 
@@ -76,7 +76,7 @@ def test_each_point_lies_on_the_primitive_it_names():
     points, which = draw(prims, 5_000)
     for k in range(5):
         alone = jax.tree.map(lambda field, k=k: field[k : k + 1], prims)
-        assert np.abs(compile.jit(signed_distance)(points[which == k], alone)).max() < 1e-5
+        assert np.abs(jit(signed_distance)(points[which == k], alone)).max() < 1e-5
 
 
 def test_areas_are_the_textbooks():
@@ -178,7 +178,7 @@ def test_what_has_no_area_takes_no_share_of_the_draw():
         area = rng.uniform(0.001, 1.0, count).astype(np.float32)
         area[rng.random(count) < 0.5] = 0.0
         area[0] = 1.0
-        ends = np.asarray(compile.jit(_upper_ends)(area))
+        ends = np.asarray(jit(_upper_ends)(area))
         share = np.diff(ends, prepend=np.float32(0.0))
         assert np.all(share[area == 0.0] == 0.0)
         np.testing.assert_allclose(share, area, atol=1e-3)

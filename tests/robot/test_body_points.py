@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from drpbench import compile
+from drpbench.compile import jit
 from drpbench.robot import (
     HOME,
     JOINT_LOWER,
@@ -36,10 +36,10 @@ def configurations(count, seed=0):
 
 def worlds(points):
     """Compiled: world positions (N, S, 3) of body points at configurations (N, 7)."""
-    return compile.jit(jax.vmap(lambda q: points.world(link_poses(q))))
+    return jit(jax.vmap(lambda q: points.world(link_poses(q))))
 
 
-@compile.jit
+@jit
 @jax.vmap
 def clearances(q):
     """`self_clearance` (N,) at configurations (N, 7)."""

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from drpbench import compile
+from drpbench.compile import jit
 from drpbench.robot import (
     JOINT_LOWER,
     JOINT_UPPER,
@@ -66,7 +66,7 @@ def model(request):
 def test_frames_agree_with_mujoco_over_10000_configurations(model):
     q = configurations(10_000)
 
-    @compile.jit
+    @jit
     @jax.vmap
     def forward(q):
         poses = link_poses(q)
@@ -92,7 +92,7 @@ def test_frames_agree_with_mujoco_over_10000_configurations(model):
 def test_own_model_marks_the_grip_frame(own):
     q = configurations(100, seed=5)
     found_position, found_rotation = map(
-        np.asarray, compile.jit(jax.vmap(lambda q: grip_pose(link_poses(q))))(q)
+        np.asarray, jit(jax.vmap(lambda q: grip_pose(link_poses(q))))(q)
     )
     data = mujoco.MjData(own)
     for row, position, rotation in zip(q, found_position, found_rotation, strict=True):
@@ -107,7 +107,7 @@ def test_jacobians_agree_with_mujoco(model):
     local = rng.uniform(-0.2, 0.2, (len(q), 3)).astype(np.float32)
     frame = rng.integers(0, 9, len(q)).astype(np.int32)
 
-    @compile.jit
+    @jit
     @jax.vmap
     def jacobians(q, local, frame):
         poses = link_poses(q)
@@ -134,7 +134,7 @@ def test_jacobians_are_the_derivatives_of_the_kinematics():
     q = configurations(200, seed=3)
     local = jnp.array([0.02, -0.03, 0.05])
 
-    @compile.jit
+    @jit
     @jax.vmap
     def compare(q):
         poses = link_poses(q)
