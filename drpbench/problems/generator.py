@@ -27,7 +27,7 @@ FREE_CLEARANCE = 0.03  # [m] of a free start or goal
 TIGHT_CLEARANCE = 0.0065  # [m] of a tight one: above the certificate's, so that meshes agree
 PATH_CLEARANCE = 0.0065  # [m] that the planner keeps
 CHECKER_MARGIN = 0.045  # [m]: the longest step the planner may take in the open
-KEEP_STRAIGHT = 0.35  # share of problems with a free joint-space line that is kept, with furniture
+KEEP_STRAIGHT = 0.6  # share kept of furnished problems whose joint-space line is free
 
 _POSES = 24  # poses tried for one start or goal before the scene is given up
 _MAX_CHECKS = 20_000  # of the planner, about half a second
