@@ -275,6 +275,21 @@ def test_union_is_the_minimum_over_the_unmasked(count):
     assert len(np.unique(which)) >= min(mask.sum(), 3)
 
 
+def test_inside_several_the_deepest_counts():
+    rng = np.random.default_rng(9)
+    kind = np.arange(6) % 3
+    halves = [half_size(k, *s) for k, s in zip(kind, rng.uniform(0.3, 0.8, (6, 3)), strict=True)]
+    rotation = Rotation.random(6, rng=rng).as_matrix()
+    prims = primitives(kind, halves, rng.uniform(-0.1, 0.1, (6, 3)), rotation)
+    points = rng.uniform(-0.3, 0.3, (200, 3)).astype(np.float32)
+    each = table(points, prims)
+    assert np.all((each < 0.0).sum(axis=1) > 1)
+    distance, which = nearest_of(points, prims)
+    np.testing.assert_allclose(distance, each.min(axis=1), atol=ROUNDING)
+    np.testing.assert_allclose(distance_of(points, prims), each.min(axis=1), atol=ROUNDING)
+    assert len(np.unique(which)) > 2
+
+
 def test_of_equal_distances_the_sign_is_never_lost():
     # Twice the same ball, the second one a hair bigger: only for it are the points inside.
     prims = primitives([SPHERE, SPHERE], [[0.1] * 3, [0.1000002] * 3])
