@@ -42,6 +42,7 @@ def _is_about_input(error: ValueError) -> bool:
     return isinstance(error, Refused) or type(error).__name__ in (
         "LeaderboardError",
         "ProblemSetError",
+        "RefereeError",
         "ResultsError",
         "TrajectoryError",
         "UnknownPolicy",
@@ -268,6 +269,37 @@ def doctor() -> None:
     Console().print(diagnosis(report))
     if not report.healthy:
         raise typer.Exit(1)
+
+
+@app.command()
+def referee(
+    result: Annotated[Path, typer.Argument(help="Result file of a run with --save-trajectories")],
+) -> None:
+    """Judge recorded episodes again, in C MuJoCo with the real meshes: do both verdicts agree?"""
+    from rich.console import Console
+    from rich.progress import track
+
+    from drpbench.evaluation import load
+    from drpbench.evaluation.referee import agreement, judgements
+    from drpbench.evaluation.trajectories import load_trajectories
+    from drpbench.problems import load as load_problems
+    from drpbench.terminal import listing
+
+    run = load(result)
+    recorded = result.with_suffix(".npz")
+    if not recorded.is_file():
+        raise Refused(f"{recorded}: not there; run again with --save-trajectories")
+    try:
+        trajectories = load_trajectories(recorded)
+    except ValueError as error:
+        raise Refused(str(error)) from None
+    problems = {task: load_problems(task) for task in run.header.tasks}
+    console = Console()
+    judging = judgements(run, trajectories, problems)
+    figures = agreement(
+        list(track(judging, "judging", len(run.rows), console=console, transient=True))
+    )
+    console.print(listing(figures.summary()))
 
 
 if __name__ == "__main__":

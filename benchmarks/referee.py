@@ -1,0 +1,112 @@
+"""How often the benchmark's verdict and the real meshes in C MuJoCo agree, as Markdown.
+
+    DRPBENCH_MESHES=FOLDER python benchmarks/referee.py [--problems 16] [--policies straight rmp]
+
+Runs each policy on problems spread over every task, with trajectories, and has them judged.
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from drpbench.compile import use_cache
+from drpbench.evaluation import Request, run
+from drpbench.evaluation.referee import Agreement, Judgement, agreement, judge
+from drpbench.evaluation.trajectories import load_trajectories
+from drpbench.problems import counts, load
+
+
+class Quiet:
+    """Nobody watches."""
+
+    def begin(self, task, steps, done): ...
+    def advance(self, steps): ...
+    def rows(self, rows): ...
+
+
+def judged(policy: str, per_task: int, seed: int) -> list[Judgement]:
+    """The policy on `per_task` problems of each task, spread evenly, and the referee's judgements."""
+    ids = {
+        task: sorted({i * count // per_task for i in range(per_task)})
+        for task, count in counts().items()
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "run.json"
+        request = Request(policy=policy, problems=ids, out=out, seed=seed, save_trajectories=True)
+        result = run(request, Quiet())
+        recorded = load_trajectories(out.with_suffix(".npz"))
+        return judge(result, recorded, {task: load(task) for task in ids})
+
+
+def row(name: str, figures: Agreement) -> str:
+    low, high = figures.interval
+    missed = figures.deepest_missed
+    return (
+        f"| {name} | {figures.agreed}/{figures.episodes} | "
+        f"{100 * figures.agreed / figures.episodes:.1f} % ({100 * low:.1f} to {100 * high:.1f}) | "
+        f"{figures.both_free} | {figures.both_collided} | "
+        f"{figures.episodes - figures.agreed} | "
+        f"{f'{1e3 * missed.depth:.1f} mm' if missed else 'none'} |"
+    )
+
+
+def report(by_policy: dict[str, list[Judgement]]) -> None:
+    everything = [j for judgements in by_policy.values() for j in judgements]
+    print(
+        "| episodes of | agree | share (95 %) | both free | both collided | differ | deepest missed |"
+    )
+    print("|---|---|---|---|---|---|---|")
+    for policy, judgements in by_policy.items():
+        for task in counts():
+            print(
+                row(f"{policy}, {task}", agreement([j for j in judgements if j.row.task == task]))
+            )
+    print(row("**all**", agreement(everything)))
+
+    print("\n| disagreement | episodes |\n|---|---|")
+    for name, count in agreement(everything).disagreements.items():
+        print(f"| {name} | {count} |")
+
+    both = [j for j in everything if j.collided and j.row.collided]
+    if both:
+        early = np.array([j.first_step - j.row.first_collision_step for j in both])
+        print(
+            f"\nWhere both saw a collision ({len(both)} episodes), the spheres saw it a median of "
+            f"{np.median(early):g} control steps before the meshes (10 to 90 %: "
+            f"{np.percentile(early, 10):g} to {np.percentile(early, 90):g}); the meshes' deepest "
+            f"penetration had a median of {1e3 * np.median([j.depth for j in both]):.1f} mm."
+        )
+
+    print(
+        "\n| differing episode | spheres | first | meshes | first | class |\n|---|---|---|---|---|---|"
+    )
+    for policy, judgements in by_policy.items():
+        for j in judgements:
+            if j.agrees:
+                continue
+            spheres = f"{1e3 * j.row.min_clearance:.1f} mm {j.row.first_collision_link or ''}"
+            meshes = f"{1e3 * j.clearance:.1f} mm {j.closest_link or ''}"
+            print(
+                f"| {policy} {j.row.task}-{j.row.id} | {spheres} | {_step(j.row.first_collision_step)}"
+                f" | {meshes} | {_step(j.closest_step)} | {j.disagreement} |"
+            )
+
+
+def _step(step: int | None) -> str:
+    return "" if step is None else f"step {step}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--problems", type=int, default=16, help="of each task")
+    parser.add_argument("--policies", nargs="+", default=["straight", "rmp"])
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    use_cache()
+    report({p: judged(p, arguments.problems, arguments.seed) for p in arguments.policies})
+
+
+if __name__ == "__main__":
+    main()
