@@ -1,7 +1,7 @@
 """What a task is: how its moving obstacles are born, move and vanish."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import jax
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
@@ -22,6 +22,7 @@ class Arm:
     grip_position: Float[Array, "3"]
 
 
+@runtime_checkable
 class Task(Protocol):
     """A task, as pure functions for one world. `memory` is whatever pytree the task needs.
 
