@@ -31,28 +31,31 @@ def real():
     return mujoco.MjModel.from_xml_path(str(path))
 
 
-def test_links_are_the_bodies_in_order(own, real):
-    for model in (own, real):
-        assert tuple(model.body(i).name for i in range(1, model.nbody)) == LINKS
+@pytest.fixture(params=["real", "own"])
+def model(request):
+    """The real arm's model, then the package's own."""
+    return request.getfixturevalue(request.param)
 
 
-def test_joint_limits_agree(own, real):
+def test_links_are_the_bodies_in_order(model):
+    assert tuple(model.body(i).name for i in range(1, model.nbody)) == LINKS
+
+
+def test_joint_limits_agree(model):
     limits = np.stack([JOINT_LOWER, JOINT_UPPER], axis=1)
-    assert own.nq == own.nv == own.nu == 7
-    for model in (own, real):
-        np.testing.assert_array_equal(model.jnt_range[:7], limits)
-        np.testing.assert_array_equal(model.actuator_ctrlrange[:7], limits)
-    assert own.jnt_limited.all() and own.actuator_ctrllimited.all()
+    np.testing.assert_array_equal(model.jnt_range[:7], limits)
+    np.testing.assert_array_equal(model.actuator_ctrlrange[:7], limits)
+    assert model.jnt_limited[:7].all() and model.actuator_ctrllimited[:7].all()
 
 
-def test_torque_limits_agree(own, real):
+def test_torque_limits_agree(model):
     limits = np.stack([-TORQUE_LIMIT, TORQUE_LIMIT], axis=1)
-    for model in (own, real):
-        np.testing.assert_array_equal(model.actuator_forcerange[:7], limits)
-    assert own.actuator_forcelimited.all()
+    np.testing.assert_array_equal(model.actuator_forcerange[:7], limits)
+    assert model.actuator_forcelimited[:7].all()
 
 
 def test_every_joint_has_its_servo(own):
+    assert own.nq == own.nv == own.nu == 7
     np.testing.assert_array_equal(own.actuator_trnid[:, 0], np.arange(7))
     np.testing.assert_array_equal(own.actuator_gainprm[:, 0], 1000.0)
     np.testing.assert_array_equal(own.actuator_biasprm[:, :3], [[0.0, -1000.0, -50.0]] * 7)
