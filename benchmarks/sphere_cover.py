@@ -161,7 +161,7 @@ def verdict_figures(model_path, seed: int, wanted: int) -> tuple[np.ndarray, np.
 def share(k: int, n: int) -> str:
     low, high = wilson(k, n)
     rate = 100.0 * k / n if n else float("nan")
-    return f"{k}/{n} = {rate:.1f} % (95 % Wilson {100 * low:.1f} to {100 * high:.1f} %)"
+    return f"{k}/{n} = {rate:.2f} % (95 % Wilson {100 * low:.2f} to {100 * high:.2f} %)"
 
 
 def print_verdicts(model_path, seed: int, wanted: int) -> None:

@@ -52,16 +52,20 @@ class LinkMesh:
             result |= winding_number(np.asarray(part.triangles), points) > 0.5
         return result
 
-    def distance(self, points: np.ndarray) -> np.ndarray:
-        """(N, 3) -> (N,) unsigned distance [m] to the link's outer surface."""
+    def closest_points(self, points: np.ndarray) -> np.ndarray:
+        """(N, 3) -> (N, 3) the nearest point of the link's outer surface to each."""
         from trimesh.triangles import closest_point
 
         _, index = self._tree.query(points, k=_CANDIDATES)
-        best = np.full(len(points), np.inf)
-        for column in index.T:
-            foot = closest_point(self.triangles[self._tree_face[column]], points)
-            best = np.minimum(best, np.linalg.norm(foot - points, axis=1))
-        return best
+        feet = np.stack(
+            [closest_point(self.triangles[self._tree_face[i]], points) for i in index.T]
+        )
+        nearest = np.linalg.norm(feet - points, axis=-1).argmin(axis=0)
+        return feet[nearest, np.arange(len(points))]
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """(N, 3) -> (N,) unsigned distance [m] to the link's outer surface."""
+        return np.linalg.norm(self.closest_points(points) - points, axis=1)
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
         """(N, 3) -> (N,) distance [m], negative inside."""

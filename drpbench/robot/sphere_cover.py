@@ -56,14 +56,28 @@ def exposed_points(
     return points[exposed], float(area)
 
 
+def largest_gap(mesh: LinkMesh, spheres: np.ndarray, n: int, rng: np.random.Generator) -> float:
+    """Largest `gap` [m] over the mesh surface: n points and the vertices, then uphill.
+
+    The gap peaks sharply where spheres meet, between any fixed points; so the worst are moved at
+    random along the surface, by less and less, and the worst kept.
+    """
+    points = np.concatenate([mesh.sample_surface(n, rng), mesh.outer_vertices()])
+    for step in (5e-4, 2e-4, 1e-4, 5e-5):
+        points = points[np.argsort(-gap(spheres, points))[:300]]
+        moved = np.repeat(points, 6, axis=0)
+        moved = mesh.closest_points(moved + step * rng.standard_normal(moved.shape))
+        points = np.concatenate([points, moved])
+    return float(gap(spheres, points).max())
+
+
 def measure_cover(mesh: LinkMesh, spheres: np.ndarray, n: int, seed: int) -> CoverFigures:
     """Figures from n surface points of the mesh (and its vertices) and n of the spheres."""
     rng = np.random.default_rng(seed)
-    surface = np.concatenate([mesh.sample_surface(n, rng), mesh.outer_vertices()])
     points, area = exposed_points(spheres, n, rng)
     excess = np.maximum(0.0, mesh.signed_distance(points))
     return CoverFigures(
-        largest_gap=float(gap(spheres, surface).max()),
+        largest_gap=largest_gap(mesh, spheres, n, rng),
         mean_excess=float(excess.mean()),
         max_excess=float(excess.max()),
         exposed_area=area,
