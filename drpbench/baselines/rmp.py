@@ -44,10 +44,12 @@ class Rmp:
     l_v: float = 0.02
     l_d: float = 0.1
     eps_d: float = 0.05
-    mu_r: float = 10.0
+    mu_r: float = 40.0
     l_m: float = 0.02
     eps_m: float = 0.05
-    r: float = 0.15
+    r: float = 0.1
+    point_radius: float = 0.01
+    """[m] about each scene point that counts as occupied: the cloud is sparse."""
     mu_l: float = 1.0
     period: float = 1.0 / 18.0
     """[s] of the Euler step from acceleration to the velocity commanded."""
@@ -109,4 +111,4 @@ class Rmp:
         columns = jnp.cross(axes[None], point[:, None] - origins[None])
         moves = np.arange(1, 8)[None] <= np.minimum(frames, 7)[:, None]
         jacobian = jnp.where(moves, jnp.sum(columns * normal[:, None], axis=-1), 0.0)
-        return jnp.maximum(clearance[closest], 0.0), jacobian
+        return jnp.maximum(clearance[closest] - self.point_radius, 0.0), jacobian

@@ -10,18 +10,19 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 from drpbench.geometry import Primitives, sample_surface
 from drpbench.robot import BodyPoints, surface_points
 
+from .movers import Movers
 from .observation import ROBOT_POINTS, SCENE_POINTS
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Cloud:
-    """Persistent scene points: those of the static scene in the world frame [m], those of each moving
-    box as offsets from its centre, turned into the world frame (boxes do not turn)."""
+    """Persistent scene points: those of the static scene in the world frame [m], and for each moving box
+    the tickets that say where on its surface its points are, whatever size it is born with."""
 
     static_points: Float[Array, "N 3"]
     static_mask: Bool[Array, " N"]
-    mover_offsets: Float[Array, "M P 3"]
+    mover_tickets: Float[Array, "M P 3"]
 
 
 def shares(movers: int) -> tuple[int, int]:
@@ -44,25 +45,34 @@ def sample_static(
     return jnp.where(kept[:, None], points[first], 0.0), kept
 
 
-def sample_box(
-    key: PRNGKeyArray, half_size: Float[Array, "3"], rotation: Float[Array, "3 3"], count: int
-) -> Float[Array, "count 3"]:
-    """Offsets [m] from a box's centre to points uniform over its surface, in the world frame."""
-    box = Primitives(
-        kind=jnp.zeros(1, jnp.int32),
-        half_size=half_size[None],
-        position=jnp.zeros((1, 3)),
-        rotation=rotation[None],
-        mask=jnp.ones(1, bool),
-    )
-    return sample_surface(key, box, count)[0]
+def on_box(tickets: Float[Array, "P 3"], half_size: Float[Array, "3"]) -> Float[Array, "P 3"]:
+    """Points [m] on the surface of a box about the origin, uniform for tickets uniform in [0, 1).
+
+    The first ticket picks the face, by area; the others the place on it.
+    """
+    a, b, c = half_size[0], half_size[1], half_size[2]
+    first, second = b * c, b * c + a * c
+    face = tickets[:, 0] * (second + a * b)
+    u, v = (2.0 * tickets[:, i] - 1.0 for i in (1, 2))
+    on_x, on_y = face < first, (face >= first) & (face < second)
+    # The rest of the face ticket says which of the two opposite faces.
+    low = jnp.where(on_x, 0.0, jnp.where(on_y, first, second))
+    area = jnp.where(on_x, b * c, jnp.where(on_y, a * c, a * b))
+    side = jnp.where(face - low < 0.5 * area, -1.0, 1.0)
+    x = jnp.where(on_x, side, u)
+    y = jnp.where(on_x, u, jnp.where(on_y, side, v))
+    z = jnp.where(on_x | on_y, v, side)
+    return jnp.stack([a * x, b * y, c * z], axis=-1)
 
 
-def scene_cloud(
-    cloud: Cloud, position: Float[Array, "M 3"], active: Bool[Array, " M"]
-) -> tuple[Float[Array, "2048 3"], Bool[Array, "2048"]]:
+def scene_cloud(cloud: Cloud, movers: Movers) -> tuple[Float[Array, "2048 3"], Bool[Array, "2048"]]:
     """The scene points with the moving boxes where they are; points below z = 0 are left out."""
-    moved = cloud.mover_offsets + position[:, None, :]
+    local = jax.vmap(on_box)(cloud.mover_tickets, movers.half_size)
+    r = movers.rotation[:, None]
+    x, y, z = local[..., 0], local[..., 1], local[..., 2]
+    turned = [r[..., i, 0] * x + r[..., i, 1] * y + r[..., i, 2] * z for i in range(3)]
+    moved = jnp.stack(turned, axis=-1) + movers.position[:, None]
+    active = movers.active
     seen = active[:, None] & (moved[..., 2] >= 0.0)
     moved = jnp.where(seen[..., None], moved, 0.0)
     return (

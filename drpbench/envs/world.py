@@ -18,7 +18,7 @@ from drpbench.robot import (
     self_clearance,
 )
 
-from .cloud import Cloud, robot_points, sample_box, sample_static, scene_cloud, shares
+from .cloud import Cloud, robot_points, sample_static, scene_cloud, shares
 from .contact import contact
 from .dynamics import CONTROL_PERIOD, SUBSTEPS, substep
 from .movers import Movers
@@ -81,9 +81,7 @@ class World:
         movers, memory = self.task.reset(problem, arm, task_key)
         on_static, on_each = shares(self.task.movers)
         points, mask = sample_static(static_key, problem.obstacles, on_static)
-        offsets = jax.vmap(lambda key, half, turn: sample_box(key, half, turn, on_each))(
-            jax.random.split(mover_key, self.task.movers), movers.half_size, movers.rotation
-        )
+        tickets = jax.random.uniform(mover_key, (self.task.movers, on_each, 3))
         zeros = jnp.zeros_like(start)
         return State(
             problem=problem,
@@ -93,7 +91,7 @@ class World:
             contact_torque=zeros,
             movers=movers,
             memory=memory,
-            cloud=Cloud(points, mask, offsets),
+            cloud=Cloud(points, mask, tickets),
         )
 
     def obstacles(self, state: State) -> Primitives:
@@ -144,7 +142,7 @@ class World:
 
     def observe(self, state: State, privileged: bool = False) -> Observation:
         """What a policy gets to see of the state; the obstacle models only if it is privileged."""
-        points, mask = scene_cloud(state.cloud, state.movers.position, state.movers.active)
+        points, mask = scene_cloud(state.cloud, state.movers)
         return Observation(
             joint_position=state.joint_position,
             joint_velocity=state.joint_velocity,
