@@ -59,7 +59,7 @@ class Constants:
     l_v: float = 0.01
     l_d: float = 0.1
     eps_d: float = 0.01
-    mu_r: float = 10_000.0
+    mu_r: float = 100_000.0
     l_m: float = 0.02
     eps_m: float = 0.001
     r: float = 0.04
