@@ -67,8 +67,8 @@ def problem(start=HOME, goal=None, obstacles=None, level=1, id=0):
     goal = start if goal is None else np.asarray(goal, np.float32)
     _, position, quaternion, _ = bodies(goal)
     return Problem(
-        id=np.int32(id),
-        level=np.int32(level),
+        id=np.asarray(id, np.int32),
+        level=np.asarray(level, np.int32),
         start=start,
         goal=goal,
         goal_position=position[0],
