@@ -20,9 +20,9 @@ class Cloud:
     """Persistent scene points: those of the static scene in the world frame [m], and for each moving box
     the tickets that say where on its surface its points are, whatever size it is born with."""
 
-    static_points: Float[Array, "N 3"]
-    static_mask: Bool[Array, " N"]
-    mover_tickets: Float[Array, "M P 3"]
+    static_points: Float[Array, "*batch N 3"]
+    static_mask: Bool[Array, "*batch N"]
+    mover_tickets: Float[Array, "*batch M P 3"]
 
 
 def shares(movers: int) -> tuple[int, int]:

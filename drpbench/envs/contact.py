@@ -28,11 +28,11 @@ _DEEPEST = 0.03  # [m]; an obstacle that appears inside the arm must not shoot i
 class Contact:
     """How the arm (all links but link0) stands to the obstacles at one instant."""
 
-    clearance: Float[Array, ""]
+    clearance: Float[Array, "*batch"]
     """Smallest signed distance [m] of any sphere to any obstacle."""
-    sphere: Int[Array, ""]
+    sphere: Int[Array, "*batch"]
     """The sphere it belongs to, as an index into `moving_spheres()`."""
-    torque: Float[Array, "7"]
+    torque: Float[Array, "*batch 7"]
     """What contact does at the joints [N m]."""
 
 

@@ -76,8 +76,8 @@ class Constants:
 @dataclass(frozen=True)
 class _Carry:
     inner: Any
-    points: Float[Array, "N 3"]
-    mask: Bool[Array, " N"]
+    points: Float[Array, "*batch N 3"]
+    mask: Bool[Array, "*batch N"]
 
 
 @jax.tree_util.register_dataclass

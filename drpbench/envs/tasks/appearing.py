@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Key
 
 from ..movers import clearance_of_box, no_movers, random_rotation
 from .task import CONTROL_STEPS
@@ -22,10 +22,10 @@ _REMOVED = CONTROL_STEPS - 100
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class _Memory:
-    key: PRNGKeyArray
-    path: Float[Array, "poses 3"]
+    key: Key[Array, "*batch"]
+    path: Float[Array, "*batch poses 3"]
     """Positions of grip [m] after control steps 0, 5, 10, ... of the first pass."""
-    known: Bool[Array, ""]
+    known: Bool[Array, "*batch"]
     """Whether the first pass has been; without a path nothing appears."""
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Int, Key
 
 from ..movers import clearance_of_box, no_movers, random_rotation
 from .task import CONTROL_STEPS
@@ -23,9 +23,9 @@ _TRIES = 100
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class _Memory:
-    key: PRNGKeyArray
-    tries: Int[Array, ""]
-    placed: Bool[Array, ""]
+    key: Key[Array, "*batch"]
+    tries: Int[Array, "*batch"]
+    placed: Bool[Array, "*batch"]
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ CONTROL_STEPS = 1000  # 16.7 s at 60 Hz
 class Arm:
     """What a task may know of the arm: collision spheres (link0 left out) and the frame `grip`."""
 
-    centers: Float[Array, "S 3"]
-    radii: Float[Array, " S"]
-    grip_position: Float[Array, "3"]
+    centers: Float[Array, "*batch S 3"]
+    radii: Float[Array, "*batch S"]
+    grip_position: Float[Array, "*batch 3"]
 
 
 @runtime_checkable
