@@ -40,6 +40,11 @@ BODY = {
     "box": CARDBOARD,
     "wall_cabinet": (0.86, 0.84, 0.78, 1.0),
 }
+# One problem a family, each from a tight pose to a tight one, the bare table's apart.
+SHOWN = (
+    *(("SE", index) for index in (56, 89, 58, 59, 92, 93, 126, 63)),
+    ("FDO", 0),
+)
 PALETTE = plt.get_cmap("tab10").colors
 
 
@@ -73,7 +78,10 @@ def picture(problem, pixels: int) -> np.ndarray:
     """Rendered tile (pixels, pixels, 3) uint8 of a problem: obstacle arrays, `start` and `goal`."""
     spec = arm(START_COLOUR)
     frame = spec.worldbody.add_frame()
-    spec.attach(arm(GOAL_COLOUR), prefix="goal_", frame=frame)
+    goal_arm = arm(GOAL_COLOUR)
+    for geom in list(goal_arm.body("link0").geoms):
+        goal_arm.delete(geom)  # it does not move: one base is enough
+    spec.attach(goal_arm, prefix="goal_", frame=frame)
     colours = furniture_colours(problem["family"], problem["kind"], problem["half_size"])
     for index, colour in enumerate(colours):
         half = problem["half_size"][index]
@@ -117,44 +125,28 @@ def picture(problem, pixels: int) -> np.ndarray:
     return (GHOST * with_goal + (1 - GHOST) * without).astype(np.uint8)
 
 
-def first_of_each_family(offset: int) -> dict[str, dict]:
-    """Obstacles, start and goal of a problem of every family, tight to tight where there is one."""
-    chosen = {}
-    for task in ("SE", "FDO"):
-        problems = load(task)
-        matching = [
-            i
-            for i in range(problems.count)
-            if (problems.pair[i] == "tt") == (problems.family[i] != "table")
-        ]
-        for family in dict.fromkeys(problems.family[i] for i in matching):
-            index = [i for i in matching if problems.family[i] == family][offset]
-            there = problems.mask[index]
-            chosen.setdefault(
-                family,
-                {
-                    "kind": problems.kind[index][there],
-                    "half_size": problems.half_size[index][there],
-                    "position": problems.position[index][there],
-                    "quaternion": problems.quaternion[index][there],
-                    "start": problems.start[index],
-                    "goal": problems.goal[index],
-                    "family": family,
-                    "title": f"{family.replace('_', ' ')}  ({task} {index})",
-                },
-            )
-    return chosen
+def stored(task: str, index: int) -> dict:
+    """Obstacles, start and goal of a frozen problem, and what the tile is called."""
+    problems = load(task)
+    there = problems.mask[index]
+    names = ("kind", "half_size", "position", "quaternion")
+    return {
+        **{name: getattr(problems, name)[index][there] for name in names},
+        "start": problems.start[index],
+        "goal": problems.goal[index],
+        "family": problems.family[index],
+        "title": f"{problems.family[index].replace('_', ' ')}  ({task} {index})",
+    }
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("docs/families.png"))
     parser.add_argument("--pixels", type=int, default=640)
-    parser.add_argument("--offset", type=int, default=0, help="which problem of a family to take")
     arguments = parser.parse_args()
-    tiles = first_of_each_family(arguments.offset)
     figure, axes = plt.subplots(3, 3, figsize=(12, 12.6))
-    for axis, problem in zip(axes.flat, tiles.values(), strict=True):
+    for axis, shown in zip(axes.flat, SHOWN, strict=True):
+        problem = stored(*shown)
         axis.imshow(picture(problem, arguments.pixels))
         axis.set_title(problem["title"], fontsize=13)
         axis.axis("off")

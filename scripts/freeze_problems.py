@@ -133,7 +133,8 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--provisional", type=int, metavar="N", help="only N problems a task")
     arguments = parser.parse_args()
-    folder = arguments.shards / fingerprint()
+    made_from = fingerprint()
+    folder = arguments.shards / made_from
     folder.mkdir(parents=True, exist_ok=True)
     jobs = []
     for task in TASKS:
@@ -144,6 +145,8 @@ def main() -> None:
         for done, path in enumerate(pool.imap(make_shard, jobs), 1):
             paths[path.name.split("-")[0]].append(path)
             print(f"{done}/{len(jobs)} shards, {time.monotonic() - began:.0f} s", flush=True)
+    if fingerprint() != made_from:
+        raise SystemExit("the generator or the spheres changed meanwhile; start again")
     merge(paths, arguments.name, arguments.out, provisional=arguments.provisional is not None)
 
 
