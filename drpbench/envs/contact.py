@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from drpbench.geometry import Primitives, nearest, normal, signed_distance
+from drpbench.geometry import FAR, Primitives, nearest, normal, signed_distance
 from drpbench.robot import LinkPoses, moving_spheres
 
 STIFFNESS = 20_000.0  # k [N/m]
@@ -42,7 +42,12 @@ def contact(
     centers: Float[Array, "S 3"],
     obstacles: Primitives,
 ) -> Contact:
-    """Clearance and contact torque, with `centers` the world positions of `moving_spheres()`."""
+    """Clearance and contact torque, with `centers` the world positions of `moving_spheres()`.
+
+    Without obstacles the clearance is `FAR`.
+    """
+    if obstacles.count == 0:
+        return Contact(jnp.float32(FAR), jnp.int32(0), jnp.zeros_like(joint_velocity))
     model = moving_spheres()
     distance = signed_distance(centers, obstacles) - model.radius
 
