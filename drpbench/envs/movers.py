@@ -13,13 +13,13 @@ from drpbench.geometry import BOX, Primitives, quaternion_to_matrix, signed_dist
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Movers:
-    """M boxes in the world frame; `velocity` in m per control step. Only `active` ones exist."""
+    """Boxes in the world frame, M a world; `velocity` in m per control step. Only `active` ones exist."""
 
-    half_size: Float[Array, "*batch M 3"]
-    rotation: Float[Array, "*batch M 3 3"]
-    position: Float[Array, "*batch M 3"]
-    velocity: Float[Array, "*batch M 3"]
-    active: Bool[Array, "*batch M"]
+    half_size: Float[Array, "*boxes 3"]
+    rotation: Float[Array, "*boxes 3 3"]
+    position: Float[Array, "*boxes 3"]
+    velocity: Float[Array, "*boxes 3"]
+    active: Bool[Array, "*boxes"]
 
     @property
     def count(self) -> int:
@@ -121,7 +121,7 @@ def first_clear(
     return places[jnp.where(clear.any(), jnp.argmax(clear), jnp.argmax(clearance))]
 
 
-def base_column_radius(half_size: Float[Array, "M 3"]) -> Float[Array, " M"]:
+def base_column_radius(half_size: Float[Array, "*boxes 3"]) -> Float[Array, "*boxes"]:
     """How near [m] to the base's axis a drifting box's centre may come, in the xy plane.
 
     0.25 m, or so far that the box's bounding sphere stays off link1 (0.12 m about the axis): that

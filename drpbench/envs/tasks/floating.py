@@ -46,7 +46,7 @@ class Floating:
         longest = jnp.where(problem.level == 1, 0.2, 0.3)
 
         def place(key):
-            position = in_upper_shell(key, _CENTER, 0.8, 1.0)
+            position = in_upper_shell(key, jnp.asarray(_CENTER), 0.8, 1.0)
             return position.at[0].set(jnp.where(position[0] < 0.1, 0.5, position[0]))
 
         def born(key):
