@@ -1,0 +1,77 @@
+"""Two hundred arms, and a task's boxes with nothing but arms about them: no dynamics to compile."""
+
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from drpbench.compile import jit
+from drpbench.envs import CONTROL_STEPS, TASKS
+from drpbench.envs.movers import clearance_of_box
+from drpbench.envs.tasks import Arm
+from drpbench.robot import moving_spheres
+
+from ...scenes import batch, bodies, postures, problem
+
+COUNT = 200
+
+
+def arms_at(q):
+    """What tasks know of arms at configurations (B, 7)."""
+    centers, grip, _, _ = bodies(q)
+    radii = np.tile(moving_spheres().radius, (len(q), 1))
+    return Arm(jnp.asarray(centers), jnp.asarray(radii), jnp.asarray(grip))
+
+
+@cache
+def _alive(name):
+    """`reset`, and the boxes of every control step while each arm stays where it is."""
+    task = TASKS[name]
+
+    def episode(problem, arm, key):
+        def step(carry, clock):
+            movers, memory = task.advance(*carry, problem, arm, clock)
+            return (movers, memory), (movers.position, movers.velocity, movers.active)
+
+        born, memory = task.reset(problem, arm, key)
+        (last, memory), steps = jax.lax.scan(step, (born, memory), jnp.arange(CONTROL_STEPS))
+        return born, last, steps, task.valid(memory)
+
+    return jit(jax.vmap(episode))
+
+
+@pytest.fixture(scope="session")
+def crowd():
+    """200 arms with their goals before them, as problems of levels 1 and 2 by turns; and as `Arm`s."""
+    q = postures(400, seed=7)
+    q = q[bodies(q)[1][:, 0] > -0.2][:COUNT]
+    assert len(q) == COUNT
+    return batch([problem(q[b], level=1 + b % 2, id=b) for b in range(COUNT)]), arms_at(q)
+
+
+@pytest.fixture(scope="session")
+def lives(crowd):
+    """A task's boxes over whole episodes among the 200 arms: born, last, (positions, velocities, active)
+    each (200, 1000, M, ...), valid."""
+
+    def run(name, seed=0):
+        problems, arms = crowd
+        keys = jax.random.split(jax.random.key(seed), COUNT)
+        return _alive(name)(problems, arms, keys)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def rooms():
+    """Distance [m] (B, M) of each box to the arm beside it."""
+
+    def room(movers, arm):
+        return jax.vmap(clearance_of_box, in_axes=(0, 0, 0, None, None))(
+            movers.half_size, movers.rotation, movers.position, arm.centers, arm.radii
+        )
+
+    compiled = jit(jax.vmap(room))
+    return lambda movers, arms: np.asarray(compiled(movers, arms))
