@@ -1,0 +1,183 @@
+"""The command line as a user meets it: in a process of its own."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+RUN = ["run", "--task", "FDO", "--policy", "hold", "--problems", "0-5", "--batch-size", "2"]
+COMPILES = 400  # [s] generous: compiling takes most of it
+
+
+def drpbench(*arguments, cwd, timeout=COMPILES):
+    return subprocess.run(
+        [sys.executable, "-m", "drpbench", *arguments],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+    )
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """One uninterrupted run, with its trajectories."""
+    folder = tmp_path_factory.mktemp("runs")
+    done = drpbench(*RUN, "--out", "whole.json", "--save-trajectories", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout
+
+
+def test_help_needs_half_a_second(tmp_path):
+    durations = []
+    for _ in range(3):
+        began = time.perf_counter()
+        shown = drpbench("--help", cwd=tmp_path)
+        durations.append(time.perf_counter() - began)
+    assert shown.returncode == 0 and "leaderboard" in shown.stdout
+    limit = 0.5 if os.getloadavg()[0] < 1.5 else 2.0  # a busy machine says nothing of ours
+    assert min(durations) < limit
+
+
+def test_help_imports_nothing_heavy():
+    code = "import sys, drpbench.cli; print([m for m in ('jax', 'mujoco', 'numpy') if m in sys.modules])"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert shown.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named", "right"),
+    [
+        (["run", "--task", "XYZ"], "XYZ", "FDO"),
+        (["run", "--task", "FDO,FDO"], "twice", ""),
+        (["run", "--task", "FDO", "--policy", "nothing"], "nothing", "rmp"),
+        (["run", "--task", "FDO", "--policy", "rmp+nothing"], "nothing", "dcp-rmp"),
+        (["run", "--task", "FDO", "--problems", "0"], "--problems 0", "1 to"),
+        (["run", "--task", "FDO", "--problems", "100000"], "100000", "1 to"),
+        (["run", "--task", "FDO", "--problems", "5,x"], "5,x", "3,17"),
+        (["run", "--task", "FDO", "--problems", "5,5"], "twice", ""),
+        (["run", "--task", "FDO", "--problems", "9-99999"], "no problem", "ids go from 0"),
+        (["run", "--task", "FDO", "--batch-size", "0"], "--batch-size 0", "at least 1"),
+        (["run", "--task", "FDO", "--out", "x.txt"], "x.txt", ".json"),
+        (["problems", "show", "FDO", "100000"], "100000", "ids go from 0"),
+        (["problems", "show", "XYZ", "1"], "XYZ", "FDO"),
+        (["leaderboard", "nowhere"], "nowhere", ""),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(arguments, named, right, tmp_path):
+    refused = drpbench(*arguments, cwd=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1 and "Traceback" not in refused.stderr
+    assert named in refused.stderr and right in refused.stderr
+    assert not list(tmp_path.rglob("*.json*"))
+
+
+def test_a_run_prints_intervals_and_writes_its_rows(finished):
+    folder, shown = finished
+    result = json.loads((folder / "whole.json").read_text())
+    assert [row["id"] for row in result["rows"]] == [0, 1, 2, 3, 4, 5]
+    assert "95 % interval" in shown and "/6" in shown
+    assert not (folder / "whole.json.partial").exists()
+
+
+def test_nothing_is_overwritten(finished):
+    folder, _ = finished
+    before = (folder / "whole.json").read_bytes()
+    refused = drpbench(*RUN, "--out", "whole.json", cwd=folder)
+    assert refused.returncode == 2 and "whole.json" in refused.stderr
+    assert (folder / "whole.json").read_bytes() == before
+
+
+def test_a_run_without_out_finds_a_name_of_its_own(tmp_path):
+    from drpbench.cli import default_out
+
+    here = os.getcwd()
+    os.chdir(tmp_path)
+    try:
+        assert default_out("rmp", ["FDO"], False).name == "rmp-FDO.json"
+        (tmp_path / "runs").mkdir()
+        (tmp_path / "runs" / "rmp-FDO.json").touch()
+        assert default_out("rmp", ["FDO"], False).name == "rmp-FDO-2.json"
+        (tmp_path / "runs" / "rmp-FDO-2.json.partial").touch()
+        assert default_out("rmp", ["FDO"], True).name == "rmp-FDO-2.json"
+    finally:
+        os.chdir(here)
+
+
+def test_a_killed_run_resumes_to_the_same_rows(finished, tmp_path):
+    folder, _ = finished
+    command = [sys.executable, "-m", "drpbench", *RUN, "--out", "killed.json"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL)
+    partial = tmp_path / "killed.json.partial"
+    deadline = time.monotonic() + COMPILES
+    while time.monotonic() < deadline and process.poll() is None:
+        if partial.exists() and partial.read_bytes().count(b'"position_error"') >= 2:
+            break
+        time.sleep(0.02)
+    assert process.poll() is None, "it ended before it could be killed"
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    kept = partial.read_bytes().count(b'"position_error"')
+    assert 2 <= kept < 6 and not (tmp_path / "killed.json").exists()
+
+    refused = drpbench(*RUN, "--out", "killed.json", cwd=tmp_path)
+    assert refused.returncode == 2 and "--resume" in refused.stderr
+    resumed = drpbench(*RUN, "--out", "killed.json", "--resume", cwd=tmp_path)
+    assert resumed.returncode == 0, resumed.stderr
+    whole = json.loads((folder / "whole.json").read_text())
+    again = json.loads((tmp_path / "killed.json").read_text())
+    assert again["rows"] == whole["rows"]
+
+
+def test_trajectories_lie_beside_the_result(finished):
+    from drpbench.evaluation.trajectories import load_trajectories
+
+    folder, _ = finished
+    found = load_trajectories(folder / "whole.npz")
+    assert sorted(found) == [f"FDO-{i}" for i in range(6)]
+    assert found["FDO-0"]["joint_position"].shape == (1001, 7)
+    assert found["FDO-0"]["mover_position"].shape == (1000, 3, 3)
+    assert not (folder / "whole.trajectories").exists()
+
+
+def test_a_damaged_result_is_one_line(finished, tmp_path):
+    folder, _ = finished
+    text = (folder / "whole.json").read_text()
+    (tmp_path / "broken.json").write_text(text[: len(text) // 2])
+    refused = drpbench("leaderboard", str(tmp_path), cwd=tmp_path)
+    assert refused.returncode == 2 and refused.stderr.count("\n") == 1
+    assert "broken.json" in refused.stderr
+
+
+def test_the_leaderboard_reads_a_folder(finished):
+    folder, _ = finished
+    shown = drpbench("leaderboard", str(folder), cwd=folder)
+    assert shown.returncode == 0 and "hold" in shown.stdout and "DRP" in shown.stdout
+
+
+def test_problems_show_and_export(tmp_path):
+    shown = drpbench("problems", "show", "FDO", "17", cwd=tmp_path)
+    assert shown.returncode == 0 and "FDO 17" in shown.stdout
+    exported = drpbench("problems", "export", "--task", "GB", "--out", "gb.jsonl", cwd=tmp_path)
+    assert exported.returncode == 0
+    lines = [json.loads(line) for line in (tmp_path / "gb.jsonl").read_text().splitlines()]
+    assert [line["id"] for line in lines] == list(range(200))
+    assert {"id", "task", "family", "start", "goal", "obstacles", "witness"} <= set(lines[0])
+    again = drpbench("problems", "export", "--task", "GB", "--out", "gb.jsonl", cwd=tmp_path)
+    assert again.returncode == 2
+
+
+def test_list_shows_tasks_and_policies(tmp_path):
+    shown = drpbench("list", cwd=tmp_path).stdout
+    for name in ("SE", "SAO", "FDO", "GB", "DGB", "hold", "straight", "rmp", "dcp-rmp"):
+        assert name in shown
+
+
+def test_doctor_finds_this_installation_sound(tmp_path):
+    shown = drpbench("doctor", cwd=tmp_path)
+    assert shown.returncode == 0, shown.stdout
+    assert "right_finger" in shown.stdout and "FAILED" not in shown.stdout
