@@ -79,32 +79,32 @@ def test_rotations_are_proper_and_without_preference():
 
 @pytest.fixture(scope="module")
 def placed():
-    """Where a box goes along x when 32 places in [0, 1] are drawn, those below `least` are not allowed,
-    and the arm is one sphere at x = 0.5."""
+    """Where a box goes along x when 32 places in [0, 1] are drawn, those below 0.3 are not allowed, and
+    the arm is one sphere at x = 0.5; and the places drawn."""
 
     def draw(key):
         return jnp.array([1.0, 0.0, 0.0]) * jax.random.uniform(key)
 
-    def run(key, room, least):
-        place = first_clear(
-            draw, lambda p: p[0] >= least, key, room, CUBE, jnp.eye(3), AHEAD, RADIUS
-        )
-        return place[0], jax.vmap(draw)(jax.random.split(key, 32))[:, 0]
+    def placed(room):
+        def one(key):
+            place = first_clear(
+                draw, lambda p: p[0] >= 0.3, key, room, CUBE, jnp.eye(3), AHEAD, RADIUS
+            )
+            return place[0], jax.vmap(draw)(jax.random.split(key, 32))[:, 0]
 
-    compiled = jit(jax.vmap(run, in_axes=(0, None, None)))
-    return lambda *limits: map(
-        np.asarray, compiled(jax.random.split(jax.random.key(0), 50), *limits)
-    )
+        return map(np.asarray, jit(jax.vmap(one))(jax.random.split(jax.random.key(0), 50)))
+
+    return placed
 
 
 def test_the_first_allowed_place_with_room_is_taken(placed):
-    for place, drawn in zip(*placed(0.1, 0.3), strict=True):
+    for place, drawn in zip(*placed(0.1), strict=True):
         clear = (np.abs(drawn - 0.5) - 0.2 > 0.1) & (drawn >= 0.3)
         assert place == drawn[clear.argmax()]
 
 
 def test_where_none_has_room_the_one_with_most_is_taken(placed):
-    for place, drawn in zip(*placed(10.0, 0.3), strict=True):
+    for place, drawn in zip(*placed(10.0), strict=True):
         allowed = drawn[drawn >= 0.3]
         assert place == allowed[np.abs(allowed - 0.5).argmax()]
 
