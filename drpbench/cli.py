@@ -44,7 +44,7 @@ def _is_about_input(error: ValueError) -> bool:
         "ProblemSetError",
         "RefereeError",
         "ResultsError",
-        "TrajectoryError",
+        "RefereeError",
         "UnknownPolicy",
     )
 

@@ -103,6 +103,7 @@ def _table(title: str, first: str, width: int | None = None) -> Table:
         title=title,
         title_justify="left",
         title_style="bold",
+        min_width=min(len(title.strip()), 78),  # few columns must not squeeze the title
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
         pad_edge=False,
