@@ -3,10 +3,11 @@
 from functools import cache
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.envs import Problem
+from drpbench.envs import ROBOT_POINTS, SCENE_POINTS, Observation, Problem
 from drpbench.geometry import BOX, Primitives, matrix_to_quaternion
 from drpbench.robot import (
     HOME,
@@ -91,3 +92,22 @@ def postures(count, seed=0):
     q = q[above & (apart > 0.0)]
     assert len(q) >= count
     return q[:count].astype(np.float32)
+
+
+def observation(q, goal=None, velocity=None, points=()):
+    """What a policy sees of an arm among scene points (n, 3); the rest of the cloud is masked."""
+    q = np.asarray(q, np.float32)
+    goal = q if goal is None else np.asarray(goal, np.float32)
+    _, position, quaternion, _ = bodies(goal)
+    scene = np.zeros((SCENE_POINTS, 3), np.float32)
+    scene[: len(points)] = np.reshape(points, (-1, 3))
+    return Observation(
+        joint_position=jnp.asarray(q),
+        joint_velocity=jnp.zeros(7) if velocity is None else jnp.asarray(velocity, jnp.float32),
+        goal_joints=jnp.asarray(goal),
+        goal_position=jnp.asarray(position[0]),
+        goal_quaternion=jnp.asarray(quaternion[0]),
+        scene_points=jnp.asarray(scene),
+        scene_mask=jnp.arange(SCENE_POINTS) < len(points),
+        robot_points=jnp.zeros((ROBOT_POINTS, 3)),
+    )

@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 
 from drpbench.compile import stored
 from drpbench.envs import Observation
-from drpbench.policies import SERVO_LAG
+from drpbench.policies import SERVO_LAG, Scalar
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, moving_spheres
 
 _UNSEEN = 1.0e3  # [m]
@@ -33,25 +33,25 @@ _UNSEEN = 1.0e3  # [m]
 class Rmp:
     """The baseline `rmp`. Gains in SI units, tuned on problems drawn apart from the frozen ones."""
 
-    k_g: float = 20.0
-    k_d: float = 8.0
-    soft: float = 0.5
+    k_g: Scalar = 20.0
+    k_d: Scalar = 8.0
+    soft: Scalar = 0.5
     """[rad] from which the pull to the goal no longer grows."""
-    mu_g: float = 1.0
-    k_p: float = 30.0
-    l_p: float = 0.03
-    k_v: float = 10.0
-    l_v: float = 0.02
-    l_d: float = 0.1
-    eps_d: float = 0.05
-    mu_r: float = 40.0
-    l_m: float = 0.02
-    eps_m: float = 0.05
-    r: float = 0.1
-    point_radius: float = 0.01
+    mu_g: Scalar = 1.0
+    k_p: Scalar = 30.0
+    l_p: Scalar = 0.03
+    k_v: Scalar = 10.0
+    l_v: Scalar = 0.02
+    l_d: Scalar = 0.1
+    eps_d: Scalar = 0.05
+    mu_r: Scalar = 40.0
+    l_m: Scalar = 0.02
+    eps_m: Scalar = 0.05
+    r: Scalar = 0.1
+    point_radius: Scalar = 0.01
     """[m] about each scene point that counts as occupied: the cloud is sparse."""
-    mu_l: float = 1.0
-    period: float = 1.0 / 18.0
+    mu_l: Scalar = 1.0
+    period: Scalar = 1.0 / 18.0
     """[s] of the Euler step from acceleration to the velocity commanded."""
 
     privileged = False

@@ -5,3 +5,4 @@ from .floors import SERVO_LAG as SERVO_LAG
 from .floors import Hold as Hold
 from .floors import Straight as Straight
 from .policy import Policy as Policy
+from .policy import Scalar as Scalar

@@ -43,6 +43,7 @@ from drpbench.robot import (
 )
 
 from .dynamic_points import is_dynamic, near_arm, squared_distances, velocity
+from .policy import Scalar
 
 _STILL = 5e-4  # [m] a point that moved less since the last frame is static
 _APPEARED = 0.02  # [m] a point that would have moved more has just appeared
@@ -53,22 +54,22 @@ _APPEARED = 0.02  # [m] a point that would have moved more has just appeared
 class Constants:
     """The appendix's constants, for x_r in m^2."""
 
-    k_p: float = 100.0
-    l_p: float = 0.02
-    k_v: float = 10.0
-    l_v: float = 0.01
-    l_d: float = 0.1
-    eps_d: float = 0.01
-    mu_r: float = 100_000.0
-    l_m: float = 0.02
-    eps_m: float = 0.001
-    r: float = 0.04
+    k_p: Scalar = 100.0
+    l_p: Scalar = 0.02
+    k_v: Scalar = 10.0
+    l_v: Scalar = 0.01
+    l_d: Scalar = 0.1
+    eps_d: Scalar = 0.01
+    mu_r: Scalar = 100_000.0
+    l_m: Scalar = 0.02
+    eps_m: Scalar = 0.001
+    r: Scalar = 0.04
     """Dynamic points beyond this squared distance [m^2] do not matter."""
-    k_g: float = 1.0
-    k_d: float = 2.0
-    mu_g: float = 50.0
+    k_g: Scalar = 1.0
+    k_d: Scalar = 2.0
+    mu_g: Scalar = 50.0
     euler_steps: int = field(default=10, metadata={"static": True})
-    euler_period: float = 0.1
+    euler_period: Scalar = 0.1
     """[s] of one Euler step of the virtual goal."""
 
 

@@ -7,6 +7,8 @@ import jax.numpy as jnp
 
 from drpbench.robot import VELOCITY_LIMIT
 
+from .policy import Scalar
+
 SERVO_LAG = 0.05  # [s] kd / kp: a target this far ahead of the arm makes it move at the speed meant
 
 
@@ -29,7 +31,7 @@ class Hold:
 class Straight:
     """The straight line to the goal joints, at a share of the velocity limits; blind to the scene."""
 
-    speed: float = 0.5
+    speed: Scalar = 0.5
 
     privileged = False
 

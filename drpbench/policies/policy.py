@@ -6,6 +6,9 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from drpbench.envs import Observation
 
+Scalar = float | Float[Array, ""]
+"""A number among a policy's parameters: a leaf of its pytree, so a traced array inside jit."""
+
 
 @runtime_checkable
 class Policy(Protocol):
