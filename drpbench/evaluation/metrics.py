@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from drpbench.envs import CONTROL_PERIOD
+from drpbench.geometry import FAR
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, LINKS, moving_spheres
 
 from .results import Row
@@ -63,6 +64,7 @@ def _row(task: str, id: int, family: str, trace: Trace, b: int) -> Row:
     touching = trace.clearance[:, b] < 0.0
     collided = bool(touching.any())
     first = int(np.argmax(touching)) if collided else None
+    nearest = np.min(trace.clearance[:, b], initial=FAR, where=np.isfinite(trace.clearance[:, b]))
 
     joints = np.concatenate([trace.start[None, b], trace.joint_position[:, b]]).astype(float)
     grip = np.concatenate([trace.start_grip[None, b], trace.grip_position[:, b]]).astype(float)
@@ -86,7 +88,7 @@ def _row(task: str, id: int, family: str, trace: Trace, b: int) -> Row:
         first_collision_step=first,
         first_collision_link=None if first is None else LINKS[link[trace.sphere[first, b]]],
         self_collided=bool((trace.self_clearance[:, b] < 0.0).any()),
-        min_clearance=_number(np.nanmin(trace.clearance[:, b])),
+        min_clearance=_number(nearest) if nearest < 0.5 * FAR else None,
         position_error=_number(trace.position_error[-1, b]),
         orientation_error=_number(trace.orientation_error[-1, b]),
         time_to_goal=time_to_goal,
