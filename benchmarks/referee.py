@@ -2,7 +2,9 @@
 
     DRPBENCH_MESHES=FOLDER python benchmarks/referee.py [--problems 16] [--policies straight rmp]
 
-Runs each policy on problems spread over every task, with trajectories, and has them judged.
+Runs each policy on problems spread over every task, with trajectories, and has them judged: by the
+meshes, and by the benchmark's own spheres in C MuJoCo, which tells a difference of shape from one of
+engine.
 """
 
 import argparse
@@ -13,9 +15,17 @@ import numpy as np
 
 from drpbench.compile import use_cache
 from drpbench.evaluation import Request, run
-from drpbench.evaluation.referee import Agreement, Judgement, agreement, judge
+from drpbench.evaluation.referee import (
+    MARGIN,
+    Agreement,
+    Judgement,
+    agreement,
+    judge,
+    judge_episode,
+)
 from drpbench.evaluation.trajectories import load_trajectories
 from drpbench.problems import counts, load
+from drpbench.problems.checker import sphere_checker
 
 
 class Quiet:
@@ -26,8 +36,8 @@ class Quiet:
     def rows(self, rows): ...
 
 
-def judged(policy: str, per_task: int, seed: int) -> list[Judgement]:
-    """The policy on `per_task` problems of each task, spread evenly, and the referee's judgements."""
+def judged(policy: str, per_task: int, seed: int) -> tuple[list[Judgement], list[Judgement]]:
+    """The policy on `per_task` problems of each task, spread evenly: judged by meshes, by spheres."""
     ids = {
         task: sorted({i * count // per_task for i in range(per_task)})
         for task, count in counts().items()
@@ -37,7 +47,13 @@ def judged(policy: str, per_task: int, seed: int) -> list[Judgement]:
         request = Request(policy=policy, problems=ids, out=out, seed=seed, save_trajectories=True)
         result = run(request, Quiet())
         recorded = load_trajectories(out.with_suffix(".npz"))
-        return judge(result, recorded, {task: load(task) for task in ids})
+    problems = {task: load(task) for task in ids}
+    spheres = sphere_checker(MARGIN)
+    by_spheres = [
+        judge_episode(row, recorded[f"{row.task}-{row.id}"], problems[row.task], spheres)
+        for row in result.rows
+    ]
+    return judge(result, recorded, problems), by_spheres
 
 
 def row(name: str, figures: Agreement) -> str:
@@ -94,6 +110,18 @@ def report(by_policy: dict[str, list[Judgement]]) -> None:
             )
 
 
+def report_spheres(judgements: list[Judgement]) -> None:
+    """How far the rows' clearance is from what MuJoCo finds for the same spheres."""
+    near = [j for j in judgements if max(j.clearance, j.row.min_clearance or MARGIN) < MARGIN]
+    off = [1e6 * abs(j.clearance - j.row.min_clearance) for j in near]
+    print(
+        f"\nThe spheres themselves in C MuJoCo: the same verdict in "
+        f"{sum(j.agrees for j in judgements)} of {len(judgements)} episodes; the smallest clearance, "
+        f"where it is under {1e3 * MARGIN:g} mm ({len(near)} episodes), differs by "
+        f"{np.median(off):.2g} µm in the median and {max(off):.2g} µm at most."
+    )
+
+
 def _step(step: int | None) -> str:
     return "" if step is None else f"step {step}"
 
@@ -105,7 +133,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     use_cache()
-    report({p: judged(p, arguments.problems, arguments.seed) for p in arguments.policies})
+    found = {p: judged(p, arguments.problems, arguments.seed) for p in arguments.policies}
+    report({policy: by_meshes for policy, (by_meshes, _) in found.items()})
+    report_spheres([j for _, by_spheres in found.values() for j in by_spheres])
 
 
 if __name__ == "__main__":
