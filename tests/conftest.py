@@ -3,6 +3,12 @@
 from jaxtyping import install_import_hook
 
 install_import_hook(
-    ["drpbench.robot", "drpbench.geometry", "drpbench.envs", "drpbench.policies", "drpbench.baselines"],
+    [
+        "drpbench.robot",
+        "drpbench.geometry",
+        "drpbench.envs",
+        "drpbench.policies",
+        "drpbench.baselines",
+    ],
     "beartype.beartype",
 )

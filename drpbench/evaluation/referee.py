@@ -3,8 +3,9 @@
 The benchmark's verdict comes from spheres around the links and a signed distance on the device. The
 referee knows neither: it puts the recorded joint positions into MuJoCo's own arm with its collision
 meshes, the obstacles beside it as geoms, and asks MuJoCo's collision detection. Both look at the same
-2000 instants of an episode: the end of each control step, as recorded, and its middle, between the
-records. Obstacles move at the start of a control step, so the middle sees them where the end does.
+2000 instants of an episode: the end of each control step, as recorded, and its middle, which the
+recorded velocity leads back to. Obstacles move at the start of a control step, so the middle sees them
+where the end does.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drpbench.envs import CONTROL_PERIOD
 from drpbench.problems import ProblemSet
 from drpbench.robot import NO_MESHES, find_mesh_model
 
@@ -204,9 +206,9 @@ def judge_episode(
     The deepest penetration is that of one convex piece of a link (all but link5 and the fingers are
     one piece). Raises RefereeError for a recording that is not of the form `trajectories.py` states.
     """
-    joints, movers = _read(row, trajectory)
-    steps = len(joints) - 1
-    middle = 0.5 * (joints[:-1] + joints[1:])
+    joints, velocity, movers = _read(row, trajectory)
+    # MuJoCo's integrators add the new velocity: q_end = q_middle + v_end h.
+    middle = joints - velocity * CONTROL_PERIOD / 2
     there = problems.mask[row.id]
     scene = [
         getattr(problems, field)[row.id][there]
@@ -214,15 +216,15 @@ def judge_episode(
     ]
     nearest, closest_step, closest_link = checker.margin, None, None
     first_step = link = None
-    for step in range(steps):
-        if not np.isfinite(joints[step + 1]).all():
+    for step in range(len(joints)):
+        if not np.isfinite(joints[step]).all():
             break
         if step == 0 or movers.changed[step]:
             boxes = movers.at(step)
             checker.set_obstacles(
                 *(np.concatenate(pair) for pair in zip(scene, boxes, strict=True))
             )
-        for q in (middle[step], joints[step + 1]):
+        for q in (middle[step], joints[step]):
             found = _closest(checker, q)
             if found is None or found[1] >= nearest:
                 continue
@@ -258,16 +260,18 @@ class _Movers:
         return [np.zeros(int(on.sum()), int), *fields]
 
 
-def _read(row: Row, trajectory: Mapping[str, np.ndarray]) -> tuple[np.ndarray, _Movers]:
-    """Joint positions (T + 1, 7) and the moving boxes; their sizes may hold for the whole episode."""
+def _read(row: Row, trajectory: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, _Movers]:
+    """Joint positions and velocities (T, 7) at the ends of the control steps, and the moving boxes."""
     try:
-        joints = np.asarray(trajectory["joint_position"], float)
+        joints = np.asarray(trajectory["joint_position"], float)[1:]
+        velocity = np.asarray(trajectory["joint_velocity"], float)
         position = np.asarray(trajectory["mover_position"], float)
         active = np.asarray(trajectory["mover_active"], bool)
         steps, count = active.shape
-        half_size = np.broadcast_to(trajectory["mover_half_size"], (steps, count, 3)).astype(float)
-        rotation = np.broadcast_to(trajectory["mover_rotation"], (steps, count, 3, 3))
-        if joints.shape != (steps + 1, 7) or position.shape != (steps, count, 3):
+        half_size = np.asarray(trajectory["mover_half_size"], float).reshape(steps, count, 3)
+        rotation = np.asarray(trajectory["mover_rotation"], float).reshape(steps, count, 3, 3)
+        shapes = joints.shape, velocity.shape, position.shape
+        if shapes != ((steps, 7), (steps, 7), (steps, count, 3)):
             raise ValueError
     except KeyError as error:
         raise RefereeError(f"the recording of {_name(row)} lacks {error.args[0]}") from None
@@ -279,7 +283,7 @@ def _read(row: Row, trajectory: Mapping[str, np.ndarray]) -> tuple[np.ndarray, _
     changed = np.zeros(steps, bool)
     for values in (half_size, position, quaternion, active):
         changed[1:] |= (values[1:] != values[:-1]).any(axis=tuple(range(1, values.ndim)))
-    return joints, _Movers(half_size, position, quaternion, active, changed)
+    return joints, velocity, _Movers(half_size, position, quaternion, active, changed)
 
 
 def _quaternions(rotation: np.ndarray) -> np.ndarray:

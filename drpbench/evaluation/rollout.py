@@ -14,6 +14,7 @@ from drpbench.envs import CONTROL_STEPS, Problem, State, Task, World
 from drpbench.geometry import Primitives, quaternion_to_matrix
 from drpbench.policies import Policy
 from drpbench.problems import ProblemSet
+from drpbench.robot import grip_pose, link_poses
 
 LANES = 64
 """Smallest compiled batch. XLA's rounding depends on shapes, so smaller batches are padded to it."""
@@ -25,6 +26,7 @@ class Trace:
     """What an episode's metrics are made of: T control steps, B problems."""
 
     joint_position: np.ndarray  # (T, B, 7) [rad]
+    joint_velocity: np.ndarray  # (T, B, 7) [rad/s]
     grip_position: np.ndarray  # (T, B, 3) [m]
     position_error: np.ndarray  # (T, B) [m], grip to goal
     orientation_error: np.ndarray  # (T, B) [rad]
@@ -34,16 +36,16 @@ class Trace:
     finite: np.ndarray  # (T, B) bool
     mover_position: np.ndarray  # (T, B, M, 3) [m]
     mover_active: np.ndarray  # (T, B, M) bool
+    mover_half_size: np.ndarray  # (T, B, M, 3) [m]; SAO puts boxes of several sizes
+    mover_rotation: np.ndarray  # (T, B, M, 3, 3)
     start: np.ndarray  # (B, 7) [rad]
     start_grip: np.ndarray  # (B, 3) [m]
-    mover_half_size: np.ndarray  # (B, M, 3) [m], as the episode left them
-    mover_rotation: np.ndarray  # (B, M, 3, 3)
     valid: np.ndarray  # (B,) bool
 
 
 def take(problems: ProblemSet, ids: Sequence[int]) -> Problem:
     """The numbered problems as a batch for the device."""
-    index = np.asarray(ids)
+    index = np.asarray(ids, int)
     rotation = quaternion_to_matrix(jnp.asarray(problems.quaternion[index], jnp.float32))
     return Problem(
         id=index.astype(np.int32),
@@ -86,7 +88,7 @@ class Rollout:
             raise ValueError(f"{count} problems for {self.lanes} lanes")
         filled = np.arange(self.lanes) % count
         batch = jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)[filled]), problems)
-        state, carry = self._reset(self.policy, batch)
+        state, carry, start_grip = self._reset(self.policy, batch)
         if self.world.task.rehearsed:
             rehearsal = self._episode(state, carry, advanced)
             path = jnp.asarray(np.moveaxis(rehearsal["grip_position"], 0, 1))
@@ -97,9 +99,7 @@ class Rollout:
         return Trace(
             **{name: values[:, :count] for name, values in steps.items()},
             start=np.asarray(problems.start),
-            start_grip=np.asarray(self._grip(batch.start))[:count],
-            mover_half_size=np.asarray(last.movers.half_size)[:count],
-            mover_rotation=np.asarray(last.movers.rotation)[:count],
+            start_grip=np.asarray(start_grip)[:count],
             valid=np.asarray(jax.vmap(self.world.task.valid)(last.memory))[:count]
             if jax.tree.leaves(last.memory)
             else np.ones(count, bool),
@@ -119,7 +119,8 @@ class Rollout:
         def reset(problem):
             key = instance_key(self.seed, self.world.task.name, problem.id, 0)
             state = self.world.reset(problem, key)
-            return state, policy.init(self.world.observe(state, policy.privileged))
+            carry = policy.init(self.world.observe(state, policy.privileged))
+            return state, carry, grip_pose(link_poses(state.joint_position))[0]
 
         return jax.vmap(reset)(problems)
 
@@ -138,6 +139,7 @@ class Rollout:
                 carry,
                 {
                     "joint_position": state.joint_position,
+                    "joint_velocity": state.joint_velocity,
                     "grip_position": events.grip_position,
                     "position_error": jnp.linalg.norm(events.grip_position - problem.goal_position),
                     "orientation_error": 2.0 * jnp.arcsin(jnp.minimum(sine, 1.0)),
@@ -147,6 +149,8 @@ class Rollout:
                     "finite": events.finite,
                     "mover_position": state.movers.position,
                     "mover_active": state.movers.active,
+                    "mover_half_size": state.movers.half_size,
+                    "mover_rotation": state.movers.rotation,
                 },
             )
 
@@ -156,8 +160,3 @@ class Rollout:
 
         (state, carry), records = jax.lax.scan(step, (state, carry), clocks)
         return state, carry, records
-
-    def _grip(self, q):
-        from drpbench.robot import grip_pose, link_poses
-
-        return jit(jax.vmap(lambda q: grip_pose(link_poses(q))[0]))(q)

@@ -1,6 +1,8 @@
 """What moved, step by step: an NPZ beside the result file."""
 
 import os
+import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +16,11 @@ class Trajectories:
     The file `x.npz` beside `x.json` holds, for an instance with key `FDO-17`:
 
         FDO-17/joint_position   (T + 1, 7) float32 [rad], the start first
+        FDO-17/joint_velocity   (T, 7) float32 [rad/s], at the end of each control step
         FDO-17/mover_position   (T, M, 3) float32 [m], centres of the moving boxes
         FDO-17/mover_active     (T, M) bool
-        FDO-17/mover_half_size  (M, 3) float32 [m]
-        FDO-17/mover_rotation   (M, 3, 3) float32
+        FDO-17/mover_half_size  (T, M, 3) float32 [m]; a box of SAO changes when it is put elsewhere
+        FDO-17/mover_rotation   (T, M, 3, 3) float32
 
     Batches are kept in a folder `x.trajectories` until the run ends, so that a resumed run has them all.
     """
@@ -34,10 +37,11 @@ class Trajectories:
             joints = np.concatenate([trace.start[None, b], trace.joint_position[:, b]])
             arrays |= {
                 f"{task}-{id}/joint_position": joints.astype(np.float32),
+                f"{task}-{id}/joint_velocity": trace.joint_velocity[:, b],
                 f"{task}-{id}/mover_position": trace.mover_position[:, b],
                 f"{task}-{id}/mover_active": trace.mover_active[:, b],
-                f"{task}-{id}/mover_half_size": trace.mover_half_size[b],
-                f"{task}-{id}/mover_rotation": trace.mover_rotation[b],
+                f"{task}-{id}/mover_half_size": trace.mover_half_size[:, b],
+                f"{task}-{id}/mover_rotation": trace.mover_rotation[:, b],
             }
         _write(self.folder / f"{task}-{ids[0]}.npz", arrays)
 
@@ -63,7 +67,7 @@ def load_trajectories(path: Path) -> dict[str, dict[str, np.ndarray]]:
                 instance, _, field = name.partition("/")
                 found.setdefault(instance, {})[field] = file[name]
             return found
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(f"{path}: not a readable trajectory file ({error})") from None
 
 

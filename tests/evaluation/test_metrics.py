@@ -21,6 +21,7 @@ def trace(**changed):
     """One arm that never moves, at its goal, 10 cm from everything; changed as told, (T, ...) arrays."""
     still = {
         "joint_position": np.tile(HOME, (STEPS, 1)),
+        "joint_velocity": np.zeros((STEPS, 7)),
         "grip_position": np.tile([0.5, 0.0, 0.4], (STEPS, 1)),
         "position_error": np.zeros(STEPS),
         "orientation_error": np.zeros(STEPS),
@@ -30,12 +31,12 @@ def trace(**changed):
         "finite": np.ones(STEPS, bool),
         "mover_position": np.zeros((STEPS, 0, 3)),
         "mover_active": np.zeros((STEPS, 0), bool),
+        "mover_half_size": np.zeros((STEPS, 0, 3)),
+        "mover_rotation": np.zeros((STEPS, 0, 3, 3)),
     }
     once = {
         "start": HOME,
         "start_grip": np.array([0.5, 0.0, 0.4]),
-        "mover_half_size": np.zeros((0, 3)),
-        "mover_rotation": np.zeros((0, 3, 3)),
         "valid": np.bool_(True),
     }
     assert set(changed) <= set(still) | set(once)

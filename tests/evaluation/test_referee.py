@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from drpbench.envs import CONTROL_PERIOD
 from drpbench.evaluation import referee
 from drpbench.evaluation.referee import Judgement, RefereeError, agreement, judge, judge_episode
 from drpbench.problems import ProblemSet, load
@@ -42,14 +43,16 @@ def problem_set(*boxes) -> ProblemSet:
 
 
 def recording(joints, movers=0) -> dict[str, np.ndarray]:
-    """Joints (T + 1, 7) and so many boxes of 0.2 m that do not exist."""
+    """Joints (T + 1, 7), moving evenly between the records, and so many boxes of 0.2 m that do not exist."""
+    joints = np.asarray(joints, np.float32)
     steps = len(joints) - 1
     return {
-        "joint_position": np.asarray(joints, np.float32),
+        "joint_position": joints,
+        "joint_velocity": np.diff(joints, axis=0) / np.float32(CONTROL_PERIOD),
         "mover_position": np.zeros((steps, movers, 3), np.float32),
         "mover_active": np.zeros((steps, movers), bool),
-        "mover_half_size": np.full((movers, 3), 0.1, np.float32),
-        "mover_rotation": np.tile(np.eye(3, dtype=np.float32), (movers, 1, 1)),
+        "mover_half_size": np.full((steps, movers, 3), 0.1, np.float32),
+        "mover_rotation": np.tile(np.eye(3, dtype=np.float32), (steps, movers, 1, 1)),
     }
 
 
@@ -184,8 +187,7 @@ def test_a_box_may_change_size_and_turn_during_an_episode(checker, row, arm):
     episode["mover_active"][:] = True
     episode["mover_position"][:, 0] = [nose + 0.1, 0.0, 0.4]
     turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], np.float32)
-    episode["mover_rotation"] = np.tile(np.eye(3, dtype=np.float32), (10, 1, 1, 1))
-    episode["mover_half_size"] = np.tile(np.float32([0.05, 0.2, 0.4]), (10, 1, 1))
+    episode["mover_half_size"][:] = [0.05, 0.2, 0.4]
     assert not judge_episode(row, episode, problem_set(), checker).collided
     episode["mover_rotation"][6:] = turn  # its long side lies along x now
     assert judge_episode(row, episode, problem_set(), checker).first_step == 6
@@ -209,6 +211,15 @@ def test_an_episode_is_judged_up_to_where_it_is_no_longer_a_number(checker, row)
     assert not judge_episode(row, recording(joints), wall, checker).collided
     joints[1] = HOME
     assert judge_episode(row, recording(joints), wall, checker).first_step == 0
+
+
+def test_the_middle_is_where_the_velocity_leads_back_to(checker, row):
+    # The arm bounces: it stands where it stood, and was at the post in the middle of the step.
+    post = problem_set(((0.02, 0.02, 1.0), (0.31, 0.0, 0.55)))
+    episode = recording(swing(-0.8, -0.8, 1))
+    assert not judge_episode(row, episode, post, checker).collided
+    episode["joint_velocity"][0, 0] = -0.8 / (CONTROL_PERIOD / 2)
+    assert judge_episode(row, episode, post, checker).collided
 
 
 @needs_meshes

@@ -1,0 +1,52 @@
+"""The README's own example is a policy, and its links lead somewhere."""
+
+import re
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+
+from drpbench.envs import Observation
+from drpbench.policies import Policy
+from drpbench.robot import HOME
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def test_the_example_is_a_policy():
+    names = {}
+    exec(re.search(r"```python\n(.*?)```", README, re.DOTALL).group(1), names)
+    policy = names["Creep"]()
+    assert isinstance(policy, Policy)
+    home = jnp.asarray(HOME, jnp.float32)
+    seen = Observation(
+        joint_position=home,
+        joint_velocity=jnp.zeros(7),
+        goal_joints=home + 1.0,
+        goal_position=jnp.zeros(3),
+        goal_quaternion=jnp.array([1.0, 0.0, 0.0, 0.0]),
+        scene_points=jnp.zeros((2048, 3)),
+        scene_mask=jnp.zeros(2048, bool),
+        robot_points=jnp.zeros((256, 3)),
+    )
+    target, _ = policy.act(seen, policy.init(seen), None)
+    np.testing.assert_allclose(target, home + 0.1, rtol=1e-6)
+
+
+def test_links_and_pictures_are_there():
+    for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
+        for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
+            assert (page.parent / target).exists(), f"{page.name} points to {target}"
+
+
+def test_the_scores_shown_are_those_of_the_shipped_rows():
+    from drpbench.evaluation import build, load_dir
+    from drpbench.evaluation.shipped import shipped_results
+    from drpbench.evaluation.tables import render_markdown
+    from drpbench.problems import counts
+
+    shown = render_markdown(build(load_dir(shipped_results()), counts()))
+    first_table = shown.split("\n\n**")[0]
+    rows = [line for line in shown.splitlines() if line.startswith("| rmp |")]
+    assert rows and rows[0] in README, first_table
