@@ -62,7 +62,7 @@ def verdicts(problems, ids, trace):
 
 
 def over_time(name):
-    return name not in {"start", "start_grip", "mover_half_size", "mover_rotation", "valid"}
+    return name not in {"start", "start_grip", "valid"}
 
 
 def test_64_problems_tell_good_from_bad(of_64, problems):
