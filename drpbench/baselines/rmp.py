@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 
 from drpbench.compile import stored
 from drpbench.envs import Observation
-from drpbench.policies import SERVO_LAG, Scalar
+from drpbench.policies import SERVO_LAG, Scalar, squared_distances
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, moving_spheres
 
 _UNSEEN = 1.0e3  # [m]
@@ -92,23 +92,16 @@ class Rmp:
         poses = link_poses(observation.joint_position)
         centers = model.world(poses)
         scene = jnp.where(observation.scene_mask[:, None], observation.scene_points, _UNSEEN)
-        squared = sum((centers[:, None, i] - scene[None, :, i]) ** 2 for i in range(3))
-        clearance = stored(jnp.sqrt(jnp.min(squared, axis=1)) - model.radius)
+        gap = jnp.sqrt(jnp.min(squared_distances(centers, scene), axis=1))
+        clearance = stored(gap - model.radius)
 
-        frames = np.unique(model.frame)
-        closest = jnp.stack(
-            [
-                jnp.argmin(clearance[model.frame == frame]) + int(np.argmax(model.frame == frame))
-                for frame in frames
-            ]
-        )
+        closest = model.closest(clearance)
         point = centers[closest]
-        squared = sum((point[:, None, i] - scene[None, :, i]) ** 2 for i in range(3))
-        outward = point - scene[jnp.argmin(stored(squared), axis=1)]
+        outward = point - scene[jnp.argmin(stored(squared_distances(point, scene)), axis=1)]
         normal = outward / jnp.maximum(jnp.linalg.norm(outward, axis=-1, keepdims=True), 1e-6)
 
         axes, origins = poses.rotation[1:8, :, 2], poses.position[1:8]
         columns = jnp.cross(axes[None], point[:, None] - origins[None])
-        moves = np.arange(1, 8)[None] <= np.minimum(frames, 7)[:, None]
+        moves = np.arange(1, 8)[None] <= np.minimum(model.frames, 7)[:, None]
         jacobian = jnp.where(moves, jnp.sum(columns * normal[:, None], axis=-1), 0.0)
         return jnp.maximum(clearance[closest] - self.point_radius, 0.0), jacobian

@@ -52,13 +52,7 @@ def contact(
     distance = signed_distance(centers, obstacles) - model.radius
 
     # The deepest sphere of each moving frame (link1 to link7, then hand with fingers).
-    frames = np.unique(model.frame)
-    deepest = jnp.stack(
-        [
-            jnp.argmin(distance[model.frame == frame]) + int(np.argmax(model.frame == frame))
-            for frame in frames
-        ]
-    )
+    deepest = model.closest(distance)
     depth = jnp.clip(-distance[deepest], 0.0, _DEEPEST)
     point = centers[deepest]
     direction = normal(point, obstacles, nearest(point, obstacles)[1])
@@ -67,7 +61,7 @@ def contact(
     axes, origins = poses.rotation[1:8, :, 2], poses.position[1:8]
     spin = jnp.cumsum(joint_velocity[:, None] * axes, axis=0)
     drift = jnp.cumsum(joint_velocity[:, None] * jnp.cross(origins, axes), axis=0)
-    joint = np.minimum(frames, 7) - 1
+    joint = np.minimum(model.frames, 7) - 1
     velocity = jnp.cross(spin[joint], point) + drift[joint]
     along = jnp.sum(velocity * direction, axis=-1)
     magnitude = jnp.where(depth > 0.0, jnp.maximum(STIFFNESS * depth - DAMPING * along, 0.0), 0.0)

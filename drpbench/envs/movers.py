@@ -121,6 +121,39 @@ def first_clear(
     return places[jnp.where(clear.any(), jnp.argmax(clear), jnp.argmax(clearance))]
 
 
+def drifting_box(
+    key: PRNGKeyArray,
+    longest: Float[Array, ""] | float,
+    place: Callable[[PRNGKeyArray], Float[Array, "3"]],
+    excess: Callable[[Float[Array, "3"], Float[Array, ""]], Float[Array, ""]],
+    target: Float[Array, "3"],
+    deviation: float,
+    centers: Float[Array, "S 3"],
+    radii: Float[Array, " S"],
+) -> Movers:
+    """One box with edges of 0.1 m to `longest` [m], 1 cm clear of the arm, on its way to `target`.
+
+    `place` draws where it is born; `excess` of a position and the base column's radius says how far [m]
+    that is outside of where it may be; `deviation` is `random_heading`'s.
+    """
+    keys = jax.random.split(key, 4)
+    half_size = jax.random.uniform(keys[0], (3,), minval=0.05, maxval=longest / 2)
+    rotation = random_rotation(keys[1])
+    column = base_column_radius(half_size)
+    position = first_clear(
+        place,
+        lambda p: excess(p, column) <= 0.0,
+        keys[2],
+        0.01,
+        half_size,
+        rotation,
+        centers,
+        radii,
+    )
+    velocity = random_heading(keys[3], target - position, deviation)
+    return Movers(half_size, rotation, position, velocity, jnp.bool_(True))
+
+
 def base_column_radius(half_size: Float[Array, "*boxes 3"]) -> Float[Array, "*boxes"]:
     """How near [m] to the base's axis a drifting box's centre may come, in the xy plane.
 

@@ -163,7 +163,7 @@ def judgements(
     trajectories: Mapping[str, Mapping[str, np.ndarray]],
     problems: Mapping[str, ProblemSet],
 ) -> Iterator[Judgement]:
-    """Judges the rows of a run one by one, about 0.3 s each.
+    """Judges the rows of a run one by one.
 
     `trajectories` is what `load_trajectories` returns for the run's NPZ, `problems` each task's set.
     Raises RefereeError, before anything is replayed, where the meshes are not found, a recording is

@@ -15,6 +15,7 @@ import numpy as np
 
 from drpbench.problems.scene import BOX, CYLINDER, MAX_OBSTACLES, SPHERE, Scene
 from drpbench.robot import LINKS, PANDA_XML
+from drpbench.robot.mesh_arm import mesh_arm
 from drpbench.robot.spheres import SELF_COLLISION_BLOCKS
 
 # Collision bits: links against obstacles, and links against links (by pairs). link0 does not move
@@ -152,23 +153,10 @@ def sphere_checker(margin: float = 0.02) -> Checker:
 
 
 def mesh_checker(model: Path, margin: float = 0.02) -> Checker:
-    """Checker on the real meshes; `model` as `drpbench.robot.find_mesh_model` returns it."""
-    spec = mujoco.MjSpec.from_file(str(model))
-    for geom in list(spec.geoms):
-        if geom.classname.name == "visual" or geom.group == 2:
-            spec.delete(geom)
-    # The fingers are rigid parts of the hand, each opened by 0.04 m along its own y.
-    for elements in (spec.tendons, spec.equalities, spec.actuators, spec.keys):
-        for element in list(elements):
-            spec.delete(element)
-    for joint in list(spec.joints):
-        if joint.name.startswith("finger"):
-            spec.delete(joint)
-    spec.body("left_finger").pos = [0, 0.04, 0.0584]
-    spec.body("right_finger").pos = [0, -0.04, 0.0584]
-    grip = spec.body("hand").add_site()
-    grip.name, grip.pos = "grip", [0, 0, 0.1]
-    return Checker(spec, margin)
+    """Checker on the real meshes, each by its convex hull, the fingers' too: a certificate may ask for
+    more room than the fingers need. `model` is what `drpbench.robot.find_mesh_model` returns.
+    """
+    return Checker(mesh_arm(model, finger_pieces=1), margin)
 
 
 def _compile(spec: mujoco.MjSpec, margin: float) -> mujoco.MjModel:

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .panda import FINGER_OPENING
+from .panda import FINGER_HEIGHT, FINGER_OPENING
 
 if TYPE_CHECKING:
     import mujoco
-
-_FINGER_HEIGHT = 0.0584  # [m] finger frames above the hand frame
 
 
 def mesh_arm(model: Path, finger_pieces: int = 8) -> mujoco.MjSpec:
@@ -36,8 +34,8 @@ def mesh_arm(model: Path, finger_pieces: int = 8) -> mujoco.MjSpec:
     for joint in list(spec.joints):
         if joint.name.startswith("finger"):
             spec.delete(joint)
-    spec.body("left_finger").pos = [0, FINGER_OPENING, _FINGER_HEIGHT]
-    spec.body("right_finger").pos = [0, -FINGER_OPENING, _FINGER_HEIGHT]
+    spec.body("left_finger").pos = [0, FINGER_OPENING, FINGER_HEIGHT]
+    spec.body("right_finger").pos = [0, -FINGER_OPENING, FINGER_HEIGHT]
     grip = spec.body("hand").add_site()
     grip.name, grip.pos = "grip", [0, 0, 0.1]
     if finger_pieces > 1:

@@ -19,3 +19,4 @@ TORQUE_LIMIT = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # [N m]
 HOME = np.array([0.0, -0.7853981634, 0.0, -2.3561944902, 0.0, 1.5707963268, 0.7853981634])  # [rad]
 
 FINGER_OPENING = 0.04  # [m], each finger from the middle
+FINGER_HEIGHT = 0.0584  # [m], finger frames above the hand frame

@@ -11,14 +11,12 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from drpbench.compile import stored
 
 from .kinematics import LinkPoses
-from .panda import FINGER_OPENING, LINKS
-
-_FINGER_HEIGHT = 0.0584  # [m] finger frames above the hand frame
+from .panda import FINGER_HEIGHT, FINGER_OPENING, LINKS
 
 # Links that can touch, as frames: every one of the first group against every one of the second.
 # Over random configurations no other pair that is at least two links apart ever does, neither the
@@ -46,10 +44,22 @@ class BodyPoints:
         """Those that a boolean mask or an index array picks, in their order."""
         return BodyPoints(self.frame[keep], self.link[keep], self.local[keep], self.radius[keep])
 
+    @property
+    def frames(self) -> np.ndarray:
+        """The frames that carry points, in order (F,)."""
+        return np.unique(self.frame)
+
+    def closest(self, distance: Float[Array, " S"]) -> Int[Array, " F"]:
+        """Index of the point with the least distance, for each of `frames`."""
+        groups = [np.nonzero(self.frame == frame)[0] for frame in self.frames]
+        return jnp.stack(
+            [jnp.argmin(distance[group[0] : group[-1] + 1]) + int(group[0]) for group in groups]
+        )
+
     def world(self, poses: LinkPoses) -> Float[Array, "S 3"]:
         """World positions [m] at the given link poses."""
         pieces = []
-        for frame in np.unique(self.frame):
+        for frame in self.frames:
             local = self.local[self.frame == frame]
             r, p = poses.rotation[frame], poses.position[frame]
             pieces.append(
@@ -67,9 +77,9 @@ class BodyPoints:
 def _in_frame(link: str, points: np.ndarray) -> np.ndarray:
     """Finger coordinates moved into the hand frame; every other link's are its frame's already."""
     if link == "left_finger":
-        return points + [0.0, FINGER_OPENING, _FINGER_HEIGHT]
+        return points + [0.0, FINGER_OPENING, FINGER_HEIGHT]
     if link == "right_finger":
-        return points * [-1.0, -1.0, 1.0] + [0.0, -FINGER_OPENING, _FINGER_HEIGHT]
+        return points * [-1.0, -1.0, 1.0] + [0.0, -FINGER_OPENING, FINGER_HEIGHT]
     return points
 
 

@@ -11,15 +11,7 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 
-from ..movers import (
-    Movers,
-    base_column_radius,
-    drift,
-    first_clear,
-    in_upper_shell,
-    random_heading,
-    random_rotation,
-)
+from ..movers import base_column_radius, drift, drifting_box, in_upper_shell
 from .task import CONTROL_STEPS
 
 _REMOVED = CONTROL_STEPS - 300
@@ -43,26 +35,18 @@ class DynamicGoalBlocking:
     def reset(self, problem, arm, key):
         goal = problem.goal_position
 
-        def born(key, active):
-            keys = jax.random.split(key, 4)
-            half_size = jax.random.uniform(keys[0], (3,), minval=0.05, maxval=0.15)
-            rotation = random_rotation(keys[1])
-            column = base_column_radius(half_size)
-            position = first_clear(
-                lambda key: in_upper_shell(key, goal, 0.5, 0.6),
-                lambda p: _excess(p, goal, column) <= 0.0,
-                keys[2],
-                0.01,
-                half_size,
-                rotation,
-                arm.centers,
-                arm.radii,
-            )
-            velocity = random_heading(keys[3], goal - position, 0.01)
-            return Movers(half_size, rotation, position, velocity, active)
+        def place(key):
+            return in_upper_shell(key, goal, 0.5, 0.6)
 
-        active = jnp.arange(self.movers) < jnp.where(problem.level == 2, 3, 1)
-        return jax.vmap(born)(jax.random.split(key, self.movers), active), ()
+        def excess(position, column):
+            return _excess(position, goal, column)
+
+        def born(key):
+            return drifting_box(key, 0.3, place, excess, goal, 0.01, arm.centers, arm.radii)
+
+        movers = jax.vmap(born)(jax.random.split(key, self.movers))
+        boxes = jnp.where(problem.level == 2, 3, 1)
+        return replace(movers, active=jnp.arange(self.movers) < boxes), ()
 
     def advance(self, movers, memory, problem, arm, clock):
         column = base_column_radius(movers.half_size)

@@ -12,15 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..movers import (
-    Movers,
-    base_column_radius,
-    drift,
-    first_clear,
-    in_upper_shell,
-    random_heading,
-    random_rotation,
-)
+from ..movers import base_column_radius, drift, drifting_box, in_upper_shell
 from .task import CONTROL_STEPS
 
 _CENTER = np.array([0.15, 0.0, 0.5], np.float32)  # [m]
@@ -50,22 +42,8 @@ class Floating:
             return position.at[0].set(jnp.where(position[0] < 0.1, 0.5, position[0]))
 
         def born(key):
-            keys = jax.random.split(key, 4)
-            half_size = jax.random.uniform(keys[0], (3,), minval=0.05, maxval=longest / 2)
-            rotation = random_rotation(keys[1])
-            column = base_column_radius(half_size)
-            position = first_clear(
-                place,
-                lambda p: _excess(p, column) <= 0.0,
-                keys[2],
-                0.01,
-                half_size,
-                rotation,
-                arm.centers,
-                arm.radii,
-            )
-            velocity = random_heading(keys[3], _CENTER - position, 0.2)
-            return Movers(half_size, rotation, position, velocity, jnp.bool_(True))
+            center = jnp.asarray(_CENTER)
+            return drifting_box(key, longest, place, _excess, center, 0.2, arm.centers, arm.radii)
 
         return jax.vmap(born)(jax.random.split(key, self.movers)), ()
 
