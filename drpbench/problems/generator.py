@@ -85,15 +85,7 @@ class Generator:
 
     def _attempt(self, task, index, group: Group, rng, attempt: int) -> Draft:
         scene = FAMILIES[group.family](rng)
-        self._spheres.set_scene(scene)
-        if self._spheres.base_clearance() < 0.02:
-            raise Rejected("furniture in the arm's base")
-        start = self._configuration(rng, scene, group.pair[0])
-        if task == "DGB":
-            goal, witness = start, start[None]
-        else:
-            goal = self._other_end(rng, scene, group, start)
-            witness = self._witness(rng, group, start, goal)
+        start, goal, witness = self.solve(rng, scene, group, stays=task == "DGB")
         if self._meshes is not None:
             self._meshes.set_scene(scene)
         fault = certificate.certify(witness, start, goal, self._spheres, self._meshes).fault
@@ -105,6 +97,22 @@ class Generator:
         return Draft(
             task, index, group, scene, *stored, quaternion, witness.astype(np.float32), attempt + 1
         )
+
+    def solve(
+        self, rng: np.random.Generator, scene: Scene, group: Group, stays: bool = False
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Start (7,), goal (7,) and witness (m, 7) of the group's kind in a scene, by the spheres.
+
+        Where the arm `stays`, its goal is its start. Raises Rejected.
+        """
+        self._spheres.set_scene(scene)
+        if self._spheres.base_clearance() < 0.02:
+            raise Rejected("furniture in the arm's base")
+        start = self._configuration(rng, scene, group.pair[0])
+        if stays:
+            return start, start, start[None]
+        goal = self._other_end(rng, scene, group, start)
+        return start, goal, self._witness(rng, group, start, goal)
 
     def _configuration(self, rng, scene: Scene, kind: str, accept=lambda q: True) -> np.ndarray:
         """Configuration (7,) with the hand in a random free (f) or tight (t) region of the scene.
