@@ -1,0 +1,1 @@
+"""Making a policy: the expert, its data, and training."""

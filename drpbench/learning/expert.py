@@ -1,0 +1,224 @@
+"""The expert: a batched trajectory optimiser that shows how to reach a joint-space goal.
+
+For each problem several seeds (the straight line, paths through via points, hints from a sampling
+planner) are optimised at once, every verdict comes from a check at fine resolution, and the shortest
+path that passes is returned. In the manner of cuRobo (Sundaralingam et al., 2023) and of CHOMP
+(Zucker et al., 2013), but second order: the unknowns are the control points c of a clamped cubic
+B-spline q(s), s in [0, 1], and Levenberg and Marquardt's method minimises
+
+    sum_i 1/2 c_i^T R c_i  +  WEIGHT / T sum_t sum_k 1/2 max(0, a_tk - d_tk)^2  +  END / 2 |q(1) - goal|^2
+
+R holds the integrals of squared velocity, acceleration and jerk, d_tk is the distance of moving sphere
+k from the obstacles at waypoint t. The last term stands only where the goal is obstructed; else q(1)
+is fixed. The damping is a multiple of R, so steps are smooth. Where nothing is near, the straight line
+at even speed is the minimum.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
+
+from drpbench.compile import jit
+from drpbench.geometry import Primitives, signed_distance
+from drpbench.robot import (
+    JOINT_LOWER,
+    JOINT_UPPER,
+    link_poses,
+    moving_spheres,
+    self_clearance,
+)
+
+from .obstacle_cost import obstacle_cost
+from .path_check import CLEARANCE, check_path
+from .retiming import uniform
+from .spline import basis, energy, fit
+
+ACTIVATION = 0.03  # [m] of clearance that paths keep where there is room
+STOP_CLEARANCE = 0.015  # [m] kept where the path stops short of an obstructed goal
+LIMIT_MARGIN = 0.05  # [rad] kept from the joint limits, but for a start or goal beyond
+_LEAST_ACTIVATION = 0.007  # [m] at a start or goal that has less room
+_RAMP = 10  # waypoints from either end over which the activation rises to its full value
+_SMOOTHNESS = (1.0, 2.5e-3, 1.0e-6)  # of the integrals of squared velocity, acceleration, jerk
+_WEIGHT = 2.0e4  # [rad^2/m^2] of obstacles
+_END = 30.0  # of the way left to an obstructed goal
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Sizes of the search; fixed for a compiled planner.
+
+    `waypoints` a path, `control_points` of its spline, `iterations` of the optimiser; `vias` is the
+    number of seeds through random via points, beside the straight line and the hints.
+    """
+
+    waypoints: int = 64
+    control_points: int = 20
+    iterations: int = 15
+    vias: int = 0
+
+
+CHEAP = Settings()
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Plan:
+    """A path of T waypoints [rad], at even steps of length (`retiming.uniform`); batched as planned.
+
+    `success`: the path passed the check and may be used. It ends at the goal where `reached`, and else
+    as near to it as the arm gets without touching. `obstructed`: the goal itself is in collision, so
+    it cannot be reached. `clearance` [m] is the smallest along the path, `length` [s] the least time
+    that the velocity limits allow for it.
+    """
+
+    path: Float[Array, "*batch T 7"]
+    success: Bool[Array, "*batch"]
+    reached: Bool[Array, "*batch"]
+    obstructed: Bool[Array, "*batch"]
+    clearance: Float[Array, "*batch"]
+    length: Float[Array, "*batch"]
+
+
+def _gaps(q, obstacles):
+    """Distances [m] of the moving spheres' surfaces at joints `q` from the obstacles, and of the arm
+    from itself."""
+    model, poses = moving_spheres(), link_poses(q)
+    return signed_distance(model.world(poses), obstacles) - model.radius, self_clearance(poses)
+
+
+def _line(start, goal, count):
+    return start + jnp.linspace(0.0, 1.0, count)[:, None] * (goal - start)
+
+
+def _up_to_contact(path, obstacles):
+    """The stretch of a path before its first contact, at as many even steps."""
+    gaps, own = jax.vmap(lambda q: _gaps(q, obstacles))(path)
+    count = len(path)
+    touching = jnp.minimum(jnp.min(gaps, axis=1), own) < CLEARANCE
+    last = jnp.min(jnp.where(touching, jnp.arange(count) - 1, count - 1))
+    at = jnp.linspace(0.0, 1.0, count) * jnp.maximum(last, 0)
+    low = jnp.minimum(at.astype(jnp.int32), count - 2)
+    return path[low] + (at - low)[:, None] * (path[low + 1] - path[low])
+
+
+def _activations(start_gaps, goal_gaps, obstructed, count):
+    """(T, spheres) [m]: ACTIVATION, but no more than the room there is at the ends, rising from there."""
+    end_gaps = jnp.where(obstructed, STOP_CLEARANCE, goal_gaps)
+    rise = ACTIVATION * jnp.arange(count)[:, None] / _RAMP
+    first = jnp.maximum(start_gaps, _LEAST_ACTIVATION) + rise
+    last = jnp.maximum(end_gaps, _LEAST_ACTIVATION) + rise[::-1]
+    return jnp.minimum(ACTIVATION, jnp.minimum(first, last))
+
+
+def _optimise(seed, goal, obstructed, obstacles, activations, lower, upper, settings):
+    """Control points (n, 7) from those of a seed, by Levenberg and Marquardt's method."""
+    n, count = settings.control_points, settings.waypoints
+    values = basis(n, count)
+    smooth = energy(n, *_SMOOTHNESS)
+    weight = _WEIGHT / count
+    size = 7 * (n - 1)
+    fixed = (np.arange(size) >= size - 7) & ~obstructed
+    end = jnp.where(obstructed, _END, 0.0)
+    multiply = partial(jnp.einsum, precision="highest")
+
+    def evaluate(control):
+        path = multiply("ti,ia->ta", values, control)
+        cost, gradient, hessian = jax.vmap(lambda q, a: obstacle_cost(q, obstacles, a))(
+            path, activations
+        )
+        total = (
+            0.5 * multiply("ia,ij,ja->", control, smooth, control)
+            + weight * jnp.sum(cost)
+            + 0.5 * end * jnp.sum((control[-1] - goal) ** 2)
+        )
+        return total, weight * gradient, weight * hessian
+
+    def step(_, state):
+        control, (total, gradient, hessian), damping = state
+        slope = multiply("ti,ta->ia", values, gradient) + multiply("ij,ja->ia", smooth, control)
+        slope = slope.at[-1].add(end * (control[-1] - goal))
+        stiffness = (1.0 + damping) * smooth
+        stiffness = stiffness.at[-1, -1].add(end)
+        whole = multiply("ti,tj,tab->iajb", values, values, hessian)
+        whole = whole + stiffness[:, None, :, None] * jnp.eye(7)[:, None, :]
+        whole = whole[1:, :, 1:].reshape(size, size)
+        whole = jnp.where(fixed[:, None] | fixed, jnp.eye(size), whole)
+        slope = jnp.where(fixed, 0.0, slope[1:].reshape(size))
+        move = -jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(whole), slope)
+        tried = control.at[1:].add(move.reshape(n - 1, 7))
+        tried = jnp.clip(tried, lower, upper)
+        found = evaluate(tried)
+        better = found[0] < total
+        keep = partial(jax.tree.map, lambda new, old: jnp.where(better, new, old))
+        damping = jnp.clip(jnp.where(better, 0.3 * damping, 5.0 * damping), 1e-4, 1e4)
+        return keep(tried, control), keep(found, (total, gradient, hessian)), damping
+
+    state = (seed, evaluate(seed), jnp.float32(0.1))
+    control, _, _ = jax.lax.fori_loop(0, settings.iterations, step, state)
+    return control
+
+
+def plan(
+    obstacles: Primitives,
+    start: Float[Array, "7"],
+    goal: Float[Array, "7"],
+    key: PRNGKeyArray,
+    hints: Float[Array, "H m 7"] | None = None,
+    settings: Settings = CHEAP,
+) -> Plan:
+    """The shortest path found from `start` to `goal` [rad] among `obstacles` (K,), as `Plan`.
+
+    `hints` are polylines from a sampling planner, of any number of waypoints; a path that is shorter
+    repeats its last waypoint. Without success the path is the seeds' best and must not be used.
+    """
+    count, n = settings.waypoints, settings.control_points
+    start_gaps, _ = _gaps(start, obstacles)
+    goal_gaps, goal_own = _gaps(goal, obstacles)
+    obstructed = jnp.minimum(jnp.min(goal_gaps), goal_own) < CLEARANCE
+
+    seeds = _line(start, goal, count)[None]
+    if hints is not None:
+        resampled = jax.vmap(lambda path: uniform(path, count)[0])(hints)
+        seeds = jnp.concatenate([seeds, resampled])
+    shortened = jax.vmap(lambda path: _up_to_contact(path, obstacles))(seeds)
+    seeds = jnp.where(obstructed, shortened, seeds)
+
+    activations = _activations(start_gaps, goal_gaps, obstructed, count)
+    ends = jnp.stack([start, goal])
+    lower = jnp.minimum(JOINT_LOWER.astype(np.float32) + LIMIT_MARGIN, ends.min(axis=0))
+    upper = jnp.maximum(JOINT_UPPER.astype(np.float32) - LIMIT_MARGIN, ends.max(axis=0))
+
+    def improve(seed):
+        control = jnp.einsum("it,ta->ia", fit(n, count), seed, precision="highest")
+        control = control.at[0].set(start).at[-1].set(jnp.where(obstructed, seed[-1], goal))
+        control = _optimise(
+            control, goal, obstructed, obstacles, activations, lower, upper, settings
+        )
+        curve = jnp.einsum("ti,ia->ta", basis(n, 4 * count), control, precision="highest")
+        curve = curve.at[0].set(control[0]).at[-1].set(control[-1])
+        path, length = uniform(curve, count)
+        return path, length, check_path(path, obstacles)
+
+    paths, lengths, checks = jax.vmap(improve)(seeds)
+    left = jnp.sum((paths[:, -1] - goal) ** 2, axis=1)
+    rank = jnp.where(obstructed, left, lengths) + jnp.where(checks.free, 0.0, 1.0e6)
+    best = jnp.argmin(rank)
+    return Plan(
+        path=paths[best],
+        success=checks.free[best],
+        reached=checks.free[best] & ~obstructed,
+        obstructed=obstructed,
+        clearance=checks.clearance[best],
+        length=lengths[best],
+    )
+
+
+@cache
+def planner(settings: Settings = CHEAP) -> Callable[..., Plan]:
+    """`plan` compiled for batches: each argument with one leading axis B (`hints` may be None)."""
+    return jit(jax.vmap(partial(plan, settings=settings)))
