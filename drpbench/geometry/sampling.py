@@ -33,17 +33,22 @@ def _upper_ends(area: Float[Array, " P"]) -> Float[Array, " P"]:
 
 
 def sample_surface(
-    key: PRNGKeyArray, primitives: Primitives, count: int
+    key: PRNGKeyArray,
+    primitives: Primitives,
+    count: int,
+    density: Float[Array, " K"] | None = None,
 ) -> tuple[Float[Array, "{count} 3"], Int[Array, " {count}"]]:
     """`count` points [m, world frame], uniform over all surfaces, and the primitive each lies on.
 
     Surfaces inside another primitive are sampled too. Without any primitive, points at the origin.
+    `density` makes the points of each primitive so many times as dense.
     """
     if primitives.count == 0:
         return jnp.zeros((count, 3)), jnp.zeros(count, jnp.int32)
     primitives = jax.tree.map(jnp.asarray, primitives)
     pick, place = jax.random.split(key)
-    ends = _upper_ends(areas(primitives).reshape(-1))
+    area = areas(primitives) if density is None else areas(primitives) * density[:, None]
+    ends = _upper_ends(area.reshape(-1))
     ticket = jax.random.uniform(pick, (count,)) * ends[-1]
     chosen = jnp.minimum(jnp.searchsorted(ends, ticket, side="right"), ends.size - 1)
     which, part = chosen // 3, chosen % 3

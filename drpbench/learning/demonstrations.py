@@ -1,0 +1,183 @@
+"""What is learned from: scenes and the expert's paths through them, and nothing that can be computed.
+
+Point clouds are sampled from the primitives at every training step, the arm's from its kinematics.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import jax
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from drpbench.geometry import Primitives, quaternion_to_matrix
+
+FORMAT = 1
+MANIFEST = "manifest.json"
+
+
+class DataError(ValueError):
+    """A folder of demonstrations that is missing, damaged, or of another kind."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Demonstrations:
+    """N solved problems, K obstacle slots, T waypoints. Lengths [m], joints [rad], wxyz.
+
+    `path` is the expert's, its waypoints at even steps of travel time; `length` is the time [s] that it
+    takes at the arm's velocity limits. It ends at `goal` where `reached`, and else as near to it as
+    the arm gets without touching. `index` is the problem's number in its stream.
+    """
+
+    index: Int[Array, " N"] | Int[np.ndarray, " N"]
+    family: Int[Array, " N"] | Int[np.ndarray, " N"]
+    kind: Int[Array, "N K"] | Int[np.ndarray, "N K"]
+    half_size: Float[Array, "N K 3"] | Float[np.ndarray, "N K 3"]
+    position: Float[Array, "N K 3"] | Float[np.ndarray, "N K 3"]
+    quaternion: Float[Array, "N K 4"] | Float[np.ndarray, "N K 4"]
+    mask: Bool[Array, "N K"] | Bool[np.ndarray, "N K"]
+    goal: Float[Array, "N 7"] | Float[np.ndarray, "N 7"]
+    path: Float[Array, "N T 7"] | Float[np.ndarray, "N T 7"]
+    length: Float[Array, " N"] | Float[np.ndarray, " N"]
+    reached: Bool[Array, " N"] | Bool[np.ndarray, " N"]
+
+    @property
+    def count(self) -> int:
+        """N."""
+        return self.index.shape[0]
+
+    def obstacles(self) -> Primitives:
+        """The obstacles of all N scenes."""
+        return Primitives(
+            kind=self.kind,
+            half_size=self.half_size,
+            position=self.position,
+            rotation=quaternion_to_matrix(jax.numpy.asarray(self.quaternion)),
+            mask=self.mask,
+        )
+
+
+def join(parts: Sequence[Demonstrations]) -> Demonstrations:
+    """All of them as one, on the host."""
+    return jax.tree.map(lambda *leaves: np.concatenate([np.asarray(x) for x in leaves]), *parts)
+
+
+class Shards:
+    """A folder of demonstrations: one NPZ for each range of problem numbers, and a manifest.
+
+    A range is written once and whole, so a run that was cut off goes on at the first range that is not
+    there, and another run may add further ranges. Raises DataError.
+    """
+
+    def __init__(self, folder: Path, stream: str, size: int):
+        """`size` is the number of problem numbers in a range."""
+        self.folder, self._stream, self._size = folder, stream, size
+        if (folder / MANIFEST).exists():
+            manifest = read_manifest(folder)
+            wanted = {"format": FORMAT, "stream": stream, "shard_size": size}
+            for name, value in wanted.items():
+                if manifest[name] != value:
+                    raise DataError(
+                        f"{folder} holds data of {name} {manifest[name]!r}, not {value!r}: "
+                        "name another folder"
+                    )
+            # What is damaged is made anew.
+            manifest["shards"] = {
+                first: row for first, row in manifest["shards"].items() if _sound(folder, row)
+            }
+            self._manifest = manifest
+        else:
+            if folder.exists() and any(folder.iterdir()):
+                raise DataError(f"{folder} is not empty and has no {MANIFEST}: name another folder")
+            self._manifest = {
+                "format": FORMAT,
+                "stream": stream,
+                "shard_size": size,
+                "shards": {},
+            }
+
+    @property
+    def done(self) -> set[int]:
+        """First numbers of the ranges that are there."""
+        return {int(first) for first in self._manifest["shards"]}
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Sums over all shards: problems drawn, solved, and solved with the goal obstructed."""
+        rows = self._manifest["shards"].values()
+        return {name: sum(row[name] for row in rows) for name in ("drawn", "solved", "obstructed")}
+
+    def add(self, first: int, solved: Demonstrations) -> None:
+        """Writes the range that begins at problem `first`; `solved` are those of it that were."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        buffer = io.BytesIO()
+        arrays = {f.name: np.asarray(getattr(solved, f.name)) for f in fields(solved)}
+        np.savez_compressed(buffer, **arrays)
+        content = buffer.getvalue()
+        name = f"{self._stream}-{first:09d}.npz"
+        _replace(self.folder / name, content)
+        self._manifest["shards"][str(first)] = {
+            "file": name,
+            "sha256": hashlib.sha256(content).hexdigest(),
+            "drawn": self._size,
+            "solved": solved.count,
+            "obstructed": int(np.sum(~np.asarray(solved.reached))),
+        }
+        text = json.dumps(self._manifest, indent=1) + "\n"
+        _replace(self.folder / MANIFEST, text.encode())
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Writes a whole file or none of it."""
+    partial = path.with_name(path.name + ".partial")
+    partial.write_bytes(content)
+    os.replace(partial, path)
+
+
+def read_manifest(folder: Path) -> dict:
+    """The manifest of a folder of demonstrations."""
+    path = folder / MANIFEST
+    if not path.is_file():
+        raise DataError(
+            f"{folder} holds no demonstrations (no {MANIFEST}): make some with drpbench data"
+        )
+    try:
+        manifest = json.loads(path.read_text())
+        if not isinstance(manifest["shards"], dict):
+            raise KeyError
+        manifest["format"], manifest["stream"], manifest["shard_size"]
+    except (ValueError, KeyError, TypeError):
+        raise DataError(f"{path} is damaged: it is not the manifest of demonstrations") from None
+    return manifest
+
+
+def _sound(folder: Path, row: dict) -> bool:
+    """Whether a shard is there as it was written."""
+    path = folder / row["file"]
+    return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == row["sha256"]
+
+
+def read(folder: Path) -> Demonstrations:
+    """All demonstrations of a folder, each shard checked against its checksum, in order of number."""
+    manifest = read_manifest(folder)
+    if manifest["format"] != FORMAT:
+        raise DataError(f"{folder} is of format {manifest['format']}; this version reads {FORMAT}")
+    parts = []
+    for _, row in sorted(manifest["shards"].items(), key=lambda item: int(item[0])):
+        path = folder / row["file"]
+        if not _sound(folder, row):
+            what = "damaged" if path.exists() else "missing"
+            raise DataError(f"{path} is {what}: run drpbench data again, which makes it anew")
+        with np.load(path, allow_pickle=False) as arrays:
+            parts.append(Demonstrations(**{f.name: arrays[f.name] for f in fields(Demonstrations)}))
+    if not parts:
+        raise DataError(f"{folder} holds no shard yet")
+    return join(parts)

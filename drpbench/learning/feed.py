@@ -1,0 +1,127 @@
+"""Where demonstrations come from while training runs: a folder, or straight from the expert.
+
+Either way they lie on the accelerator, a fixed number of them, and training draws from those.
+"""
+
+from __future__ import annotations
+
+import itertools
+import queue
+import threading
+from pathlib import Path
+from typing import Protocol
+
+import jax
+import numpy as np
+
+from .demonstrations import Demonstrations, join, read
+from .production import BATCH, Production
+
+_BLOCK = 256  # demonstrations that replace older ones at once
+
+
+class Feed(Protocol):
+    """A source of demonstrations."""
+
+    def begin(self) -> Demonstrations:
+        """The first ones, on the host."""
+        ...
+
+    def refresh(self, resident: Demonstrations) -> Demonstrations:
+        """The same, with some replaced by newer ones if there are any."""
+        ...
+
+
+class Folder:
+    """What `drpbench data` wrote. Raises DataError."""
+
+    def __init__(self, folder: Path):
+        self._demonstrations = read(folder)
+
+    def begin(self) -> Demonstrations:
+        return self._demonstrations
+
+    def refresh(self, resident: Demonstrations) -> Demonstrations:
+        return resident
+
+
+class Stream:
+    """New problems for ever, solved in a thread beside training; the newest `capacity` are kept.
+
+    A context manager. Which step sees which demonstration depends on the machine's speed, so such a
+    training is not repeated exactly; for that, train from a folder.
+    """
+
+    def __init__(self, capacity: int, first: int = 0, workers: int | None = None):
+        """`first` is the number of the first problem."""
+        if capacity < _BLOCK:
+            raise ValueError(f"a capacity of {capacity}: at least {_BLOCK} are needed")
+        self._capacity, self._first, self._workers = capacity, first, workers
+        self._blocks: queue.Queue[Demonstrations | BaseException] = queue.Queue(maxsize=8)
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._produce, daemon=True)
+        self._next = 0  # where the next block goes
+        self.made = 0
+        """Demonstrations so far."""
+
+    def __enter__(self) -> Stream:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error) -> None:
+        self._stopped.set()
+        self._thread.join()
+
+    def begin(self) -> Demonstrations:
+        """The first block, repeated until the capacity is full."""
+        block = self._taken(self._blocks.get())
+        self._next = _BLOCK % self._capacity
+        return jax.tree.map(lambda leaf: np.resize(leaf, (self._capacity, *leaf.shape[1:])), block)
+
+    def refresh(self, resident: Demonstrations) -> Demonstrations:
+        while True:
+            try:
+                block = self._taken(self._blocks.get_nowait())
+            except queue.Empty:
+                return resident
+            resident = _replace(resident, block, self._next)
+            self._next = (self._next + _BLOCK) % (self._capacity - self._capacity % _BLOCK)
+
+    def _taken(self, block: Demonstrations | BaseException) -> Demonstrations:
+        if isinstance(block, BaseException):
+            raise block
+        self.made += block.count
+        return block
+
+    def _produce(self) -> None:
+        try:
+            with Production(workers=self._workers) as production:
+                self._solve(production)
+        except BaseException as error:  # told to whoever waits for a block
+            self._blocks.put(error)
+
+    def _solve(self, production: Production) -> None:
+        kept: list[Demonstrations] = []
+        for first in itertools.count(self._first, 16 * BATCH):
+            for _, solved in production.solved(range(first, first + 16 * BATCH)):
+                kept = [join([*kept, solved])]
+                while kept[0].count >= _BLOCK:
+                    block = jax.tree.map(lambda leaf: leaf[:_BLOCK], kept[0])
+                    kept = [jax.tree.map(lambda leaf: leaf[_BLOCK:], kept[0])]
+                    while not self._stopped.is_set():
+                        try:
+                            self._blocks.put(block, timeout=0.5)
+                            break
+                        except queue.Full:
+                            continue
+                if self._stopped.is_set():
+                    return
+
+
+@jax.jit
+def _write(leaf, block, first):
+    return jax.lax.dynamic_update_slice_in_dim(leaf, block.astype(leaf.dtype), first, 0)
+
+
+def _replace(resident: Demonstrations, block: Demonstrations, first: int) -> Demonstrations:
+    return jax.tree.map(lambda leaf, new: _write(leaf, new, first), resident, block)

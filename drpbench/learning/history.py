@@ -1,0 +1,84 @@
+"""What a training run leaves behind to look at: a CSV of its progress and a plot of it."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Progress:
+    """One line of the CSV. Loss and rate are those since the line before."""
+
+    step: int
+    samples: int
+    seconds: float
+    """Of training in all, over interruptions."""
+    loss: float
+    learning_rate: float
+    samples_per_second: float
+    validated: int = 0
+    """Episodes of a validation at this step, and how many of them reached, collided, succeeded."""
+    reached: int = 0
+    collided: int = 0
+    succeeded: int = 0
+
+
+class History:
+    """A CSV that grows by one line at a time and outlives a crash."""
+
+    def __init__(self, path: Path):
+        self._path = path
+
+    def read(self) -> list[Progress]:
+        """The lines so far, none if there is no file."""
+        if not self._path.exists():
+            return []
+        with open(self._path, newline="", encoding="utf-8") as file:
+            kinds = {f.name: int if f.type == "int" else float for f in fields(Progress)}
+            return [
+                Progress(**{name: kinds[name](value) for name, value in row.items()})
+                for row in csv.DictReader(file)
+            ]
+
+    def rewind(self, step: int) -> list[Progress]:
+        """Drops the lines beyond a step: a resumed run makes them again. Returns those that stay."""
+        kept = [line for line in self.read() if line.step <= step]
+        self._path.unlink(missing_ok=True)
+        for line in kept:
+            self.add(line)
+        return kept
+
+    def add(self, line: Progress) -> None:
+        """Writes one line."""
+        new = not self._path.exists()
+        with open(self._path, "a", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, [f.name for f in fields(Progress)])
+            if new:
+                writer.writeheader()
+            writer.writerow(asdict(line))
+
+
+def plot(history: list[Progress], path: Path) -> None:
+    """Loss and validated success against samples, as a picture. Needs matplotlib."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 5.0), layout="constrained")
+    upper, lower = figure.subplots(2, sharex=True)
+    upper.plot([p.samples for p in history], [p.loss for p in history], color="tab:blue")
+    upper.set(ylabel="loss", yscale="log")
+    scored = [p for p in history if p.validated]
+    samples = [p.samples for p in scored]
+    for name, colour in (
+        ("succeeded", "tab:green"),
+        ("reached", "tab:gray"),
+        ("collided", "tab:red"),
+    ):
+        shares = [100.0 * getattr(p, name) / p.validated for p in scored]
+        lower.plot(samples, shares, "o-", color=colour, label=name)
+    lower.set(xlabel="training samples", ylabel="% of validation", ylim=(0, 100))
+    lower.legend()
+    for axes in (upper, lower):
+        axes.grid(alpha=0.3)
+    figure.savefig(path, dpi=120)

@@ -1,0 +1,126 @@
+"""Behaviour cloning: IMPACT learns the expert's next moves from demonstrations.
+
+The paper's loss over a chunk of S rows, on rows in the units of `drpbench.policies.chunks`:
+
+    L = 1/S sum_k |chunk_k - answer_k|
+
+Samples, their point clouds, gradients and updates are one compiled program, many steps a call: nothing
+passes through the host. Every random number comes from the seed and the step's number, so that a run
+that was cut off goes on as if it had not been.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jaxtyping import Array, Float, Int
+
+from drpbench.policies.impact import ImpactSize, apply, initial
+
+from .batches import Batch, draw
+from .demonstrations import Demonstrations
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The paper's hyperparameters, but for the number of steps (the paper: 1,000,000)."""
+
+    steps: int = 100_000
+    batch: int = 512
+    learning_rate: float = 1e-3
+    weight_decay: float = 0.01
+    betas: tuple[float, float] = (0.9, 0.95)
+    warmup: int = 100
+    clip: float = 1.0
+    """Largest norm of a gradient."""
+    averaging: float = 0.999
+    """Decay of the running average of the weights: the average is what is used and shipped."""
+    precision: str = "float32"
+    """In which the network computes: float32 or bfloat16. Weights and updates are always float32."""
+    seed: int = 0
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class TrainingState:
+    """All that changes from step to step."""
+
+    step: Int[Array, ""]
+    parameters: Any
+    average: Any
+    optimiser: Any
+
+
+class Pretraining:
+    """The compiled training of one network with one set of settings."""
+
+    def __init__(self, size: ImpactSize, settings: Settings):
+        self.size, self.settings = size, settings
+        self.schedule = optax.warmup_cosine_decay_schedule(
+            0.0, settings.learning_rate, settings.warmup, max(settings.steps, settings.warmup + 1)
+        )
+        self._optimiser = optax.chain(
+            optax.clip_by_global_norm(settings.clip),
+            optax.adamw(
+                self.schedule,
+                *settings.betas,
+                weight_decay=settings.weight_decay,
+                # Weights decay; biases, norms and embeddings, which have one long axis, do not.
+                mask=lambda parameters: jax.tree.map(lambda leaf: leaf.ndim > 1, parameters),
+            ),
+        )
+        self._devices = Mesh(np.array(jax.devices()), ("devices",))
+        self.advance = jax.jit(self._advance, static_argnames="steps", donate_argnames="state")
+
+    def begin(self) -> TrainingState:
+        """The state before the first step."""
+        parameters = initial(self.size, self.settings.seed)
+        return self._everywhere(
+            TrainingState(
+                step=jnp.int32(0),
+                parameters=parameters,
+                average=jax.tree.map(jnp.copy, parameters),
+                optimiser=self._optimiser.init(parameters),
+            )
+        )
+
+    def _everywhere(self, tree: Any) -> Any:
+        """A copy on every device."""
+        return jax.device_put(tree, NamedSharding(self._devices, PartitionSpec()))
+
+    def resident(self, demonstrations: Demonstrations) -> Demonstrations:
+        """The demonstrations where training needs them: on every device, for good."""
+        return self._everywhere(jax.tree.map(jnp.asarray, demonstrations))
+
+    def loss(self, parameters: Any, batch: Batch) -> Float[Array, ""]:
+        seen = (batch.scene_points, batch.scene_mask, batch.robot_points, batch.joints, batch.goal)
+        answer = apply(self.size, parameters, *seen, dtype=self.settings.precision)
+        squares = jnp.sum(jnp.square(batch.chunk - answer), axis=-1)
+        # The root's slope at zero is infinite.
+        return jnp.mean(jnp.sqrt(squares + 1e-6))
+
+    def _advance(
+        self, state: TrainingState, demonstrations: Demonstrations, steps: int
+    ) -> tuple[TrainingState, Float[Array, " steps"]]:
+        """So many steps further, and the loss of each."""
+        split = NamedSharding(self._devices, PartitionSpec("devices"))
+
+        def step(state: TrainingState, _):
+            key = jax.random.fold_in(jax.random.key(self.settings.seed), state.step)
+            batch = draw(key, demonstrations, self.settings.batch, self.size.scene_points)
+            batch = jax.lax.with_sharding_constraint(batch, split)
+            loss, slope = jax.value_and_grad(self.loss)(state.parameters, batch)
+            updates, optimiser = self._optimiser.update(slope, state.optimiser, state.parameters)
+            parameters = optax.apply_updates(state.parameters, updates)
+            # While there is little to average, the average forgets faster.
+            keep = jnp.minimum(self.settings.averaging, (1.0 + state.step) / (10.0 + state.step))
+            average = optax.incremental_update(parameters, state.average, 1.0 - keep)
+            return TrainingState(state.step + 1, parameters, average, optimiser), loss
+
+        return jax.lax.scan(step, state, None, length=steps)

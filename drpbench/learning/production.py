@@ -1,0 +1,119 @@
+"""Demonstrations without end: processes on the host draw problems, the expert solves them in batches."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from itertools import islice
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from drpbench.geometry import Primitives, quaternion_to_matrix
+
+from .demonstrations import Demonstrations, Shards, join
+from .drawing import TRAINING_STREAM, Drawer, Drawn
+from .expert import CHEAP, planner
+
+BATCH = 64  # problems that the expert solves at once
+SHARD = 1024  # problem numbers in a shard
+_drawer: Drawer | None = None  # one a process
+
+
+def _begin(stream: str) -> None:
+    global _drawer
+    jax.config.update("jax_platforms", "cpu")  # the accelerator is the parent's
+    _drawer = Drawer(stream)
+
+
+def _draw(index: int) -> Drawn:
+    return _drawer.draw(index)
+
+
+def default_workers() -> int:
+    """One process a core, and on a machine with many, one core left to the parent."""
+    cores = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
+    return max(1, cores - 1)
+
+
+class Production:
+    """Solved problems of one stream, by number, in order. A context manager: it owns processes."""
+
+    def __init__(self, stream: str = TRAINING_STREAM, workers: int | None = None):
+        self._pool = ProcessPoolExecutor(
+            workers or default_workers(),
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_begin,
+            initargs=(stream,),
+        )
+
+    def __enter__(self) -> Production:
+        return self
+
+    def __exit__(self, *error) -> None:
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def solved(self, numbers: range) -> Iterator[tuple[int, Demonstrations]]:
+        """For each batch of `numbers`: how many problems were drawn, and those that were solved."""
+        # A few batches ahead of the expert, no more.
+        ahead = [self._pool.submit(_draw, number) for number in numbers[: 4 * BATCH]]
+        rest = iter(numbers[4 * BATCH :])
+        while ahead:
+            drawn = [future.result() for future in ahead[:BATCH]]
+            more = [self._pool.submit(_draw, number) for number in islice(rest, BATCH)]
+            ahead = ahead[BATCH:] + more
+            yield len(drawn), solve(drawn)
+
+
+def solve(drawn: Sequence[Drawn]) -> Demonstrations:
+    """The expert's paths for those of up to `BATCH` problems that it solves."""
+    filled = [drawn[number % len(drawn)] for number in range(BATCH)]  # one compiled shape
+
+    def stack(name: str) -> np.ndarray:
+        return np.stack([getattr(one, name) for one in filled])
+
+    obstacles = Primitives(
+        kind=stack("kind"),
+        half_size=stack("half_size"),
+        position=stack("position"),
+        rotation=np.asarray(quaternion_to_matrix(jnp.asarray(stack("quaternion")))),
+        mask=stack("mask"),
+    )
+    keys = jax.vmap(jax.random.key)(stack("index"))
+    plans = planner(CHEAP)(obstacles, stack("start"), stack("goal"), keys, stack("hint")[:, None])
+    solved = np.nonzero(np.asarray(plans.success)[: len(drawn)])[0]
+    return Demonstrations(
+        index=stack("index")[solved],
+        family=stack("family")[solved],
+        **{
+            name: stack(name)[solved]
+            for name in ("kind", "half_size", "position", "quaternion", "mask", "goal")
+        },
+        path=np.asarray(plans.path)[solved],
+        length=np.asarray(plans.length)[solved],
+        reached=np.asarray(plans.reached)[solved],
+    )
+
+
+def fill(
+    shards: Shards, numbers: range, workers: int | None, progress: Callable[[int, int], None]
+) -> None:
+    """Makes the shards of problem `numbers` that are not there yet.
+
+    `progress(drawn, solved)` is told of every batch. `numbers` begins and ends at a shard's end.
+    """
+    missing = [first for first in numbers[::SHARD] if first not in shards.done]
+    if not missing:
+        return
+    with Production(workers=workers) as production:
+        for first in missing:
+            parts = []
+            for drawn, solved in production.solved(range(first, first + SHARD)):
+                parts.append(solved)
+                progress(drawn, solved.count)
+            shards.add(first, join(parts))
