@@ -24,21 +24,16 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from drpbench.compile import jit
-from drpbench.geometry import Primitives, signed_distance
-from drpbench.robot import (
-    JOINT_LOWER,
-    JOINT_UPPER,
-    link_poses,
-    moving_spheres,
-    self_clearance,
-)
+from drpbench.geometry import Primitives
+from drpbench.robot import JOINT_LOWER, JOINT_UPPER
 
-from .obstacle_cost import obstacle_cost
+from .clearance_cost import Gaps, clearance_cost, gaps
 from .path_check import CLEARANCE, check_path
 from .retiming import uniform
 from .spline import basis, energy, fit
 
-ACTIVATION = 0.03  # [m] of clearance that paths keep where there is room
+ACTIVATION = 0.03  # [m] from obstacles that paths keep where there is room
+OWN_ACTIVATION = 0.01  # [m] between forearm or hand and trunk
 STOP_CLEARANCE = 0.015  # [m] kept where the path stops short of an obstructed goal
 LIMIT_MARGIN = 0.05  # [rad] kept from the joint limits, but for a start or goal beyond
 _LEAST_ACTIVATION = 0.007  # [m] at a start or goal that has less room
@@ -84,11 +79,8 @@ class Plan:
     length: Float[Array, "*batch"]
 
 
-def _gaps(q, obstacles):
-    """Distances [m] of the moving spheres' surfaces at joints `q` from the obstacles, and of the arm
-    from itself."""
-    model, poses = moving_spheres(), link_poses(q)
-    return signed_distance(model.world(poses), obstacles) - model.radius, self_clearance(poses)
+def _touches(room: Gaps) -> Bool[Array, ""]:
+    return (jnp.min(room.obstacle) < CLEARANCE) | (jnp.min(room.own) <= 0.0)
 
 
 def _line(start, goal, count):
@@ -97,22 +89,27 @@ def _line(start, goal, count):
 
 def _up_to_contact(path, obstacles):
     """The stretch of a path before its first contact, at as many even steps."""
-    gaps, own = jax.vmap(lambda q: _gaps(q, obstacles))(path)
     count = len(path)
-    touching = jnp.minimum(jnp.min(gaps, axis=1), own) < CLEARANCE
+    touching = jax.vmap(lambda q: _touches(gaps(q, obstacles)))(path)
     last = jnp.min(jnp.where(touching, jnp.arange(count) - 1, count - 1))
     at = jnp.linspace(0.0, 1.0, count) * jnp.maximum(last, 0)
     low = jnp.minimum(at.astype(jnp.int32), count - 2)
     return path[low] + (at - low)[:, None] * (path[low + 1] - path[low])
 
 
-def _activations(start_gaps, goal_gaps, obstructed, count):
-    """(T, spheres) [m]: ACTIVATION, but no more than the room there is at the ends, rising from there."""
-    end_gaps = jnp.where(obstructed, STOP_CLEARANCE, goal_gaps)
-    rise = ACTIVATION * jnp.arange(count)[:, None] / _RAMP
-    first = jnp.maximum(start_gaps, _LEAST_ACTIVATION) + rise
-    last = jnp.maximum(end_gaps, _LEAST_ACTIVATION) + rise[::-1]
-    return jnp.minimum(ACTIVATION, jnp.minimum(first, last))
+def _activations(start: Gaps, end: Gaps, count: int) -> Gaps:
+    """(T, spheres) [m]: as much as is wanted, but no more than the room at the ends, rising from there."""
+
+    def between(first, last, least, most):
+        rise = most * jnp.arange(count)[:, None] / _RAMP
+        first = jnp.maximum(first, least) + rise
+        last = jnp.maximum(last, least) + rise[::-1]
+        return jnp.minimum(most, jnp.minimum(first, last))
+
+    return Gaps(
+        between(start.obstacle, end.obstacle, _LEAST_ACTIVATION, ACTIVATION),
+        between(start.own, end.own, 0.1 * OWN_ACTIVATION, OWN_ACTIVATION),
+    )
 
 
 def _optimise(seed, goal, obstructed, obstacles, activations, lower, upper, settings):
@@ -128,7 +125,7 @@ def _optimise(seed, goal, obstructed, obstacles, activations, lower, upper, sett
 
     def evaluate(control):
         path = multiply("ti,ia->ta", values, control)
-        cost, gradient, hessian = jax.vmap(lambda q, a: obstacle_cost(q, obstacles, a))(
+        cost, gradient, hessian = jax.vmap(lambda q, a: clearance_cost(q, obstacles, a))(
             path, activations
         )
         total = (
@@ -177,9 +174,8 @@ def plan(
     repeats its last waypoint. Without success the path is the seeds' best and must not be used.
     """
     count, n = settings.waypoints, settings.control_points
-    start_gaps, _ = _gaps(start, obstacles)
-    goal_gaps, goal_own = _gaps(goal, obstacles)
-    obstructed = jnp.minimum(jnp.min(goal_gaps), goal_own) < CLEARANCE
+    here, there = gaps(start, obstacles), gaps(goal, obstacles)
+    obstructed = _touches(there)
 
     seeds = _line(start, goal, count)[None]
     if hints is not None:
@@ -188,7 +184,8 @@ def plan(
     shortened = jax.vmap(lambda path: _up_to_contact(path, obstacles))(seeds)
     seeds = jnp.where(obstructed, shortened, seeds)
 
-    activations = _activations(start_gaps, goal_gaps, obstructed, count)
+    stop = jax.tree.map(lambda room: jnp.where(obstructed, STOP_CLEARANCE, room), there)
+    activations = _activations(here, stop, count)
     ends = jnp.stack([start, goal])
     lower = jnp.minimum(JOINT_LOWER.astype(np.float32) + LIMIT_MARGIN, ends.min(axis=0))
     upper = jnp.maximum(JOINT_UPPER.astype(np.float32) - LIMIT_MARGIN, ends.max(axis=0))

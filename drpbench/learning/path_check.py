@@ -11,7 +11,7 @@ from drpbench.problems.motion import LEVER
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, link_poses, moving_spheres, self_clearance
 
 CLEARANCE = 0.0055  # [m] at every sample: the certificate asks for 5 mm at samples of its own
-SAMPLES = 512  # of a path, equally spaced in motion
+SAMPLES = 1024  # of a path, equally spaced in motion
 
 
 @jax.tree_util.register_dataclass
