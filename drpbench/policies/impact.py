@@ -1,0 +1,298 @@
+"""IMPACT, the paper's network: point clouds and joint configurations in, a chunk of joint motion out.
+
+    tokens = [set abstraction of the scene + e_s, of the robot + e_r, MLP(q_c) + e_c, MLP(q_mg) + e_mg, ...]
+    chunk  = linear(decoder(A, encoder(tokens)))        A: ten learnable action tokens
+
+After the paper's "IMPACT" section and its table of hyperparameters. Where the paper leaves a choice:
+
+- A third state token holds goal minus current joints, as in the authors' code; the paper has two. It
+  also holds the direction of that difference, because the chunk's units shrink at the goal
+  (`chunks.py`), and what must be told there is a direction.
+- Type embeddings are added, as in the paper (the authors' code concatenates them).
+- The sin/cos positional encoding of the paper's table is that of the coordinates of a point token's
+  centre: a set of tokens has no other order. The set abstraction itself sees relative coordinates only.
+- Norms stand before each sublayer, with one after each stack: such networks train without a long
+  warm-up. Activations are ReLU, as in the authors' code.
+"""
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import nnx
+from jaxtyping import Array, Bool, Float
+
+from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+
+from .chunks import CHUNK, FLOOR, RAMP
+from .set_abstraction import group
+
+Parameters = dict[str, Any]
+"""A nested dict of float32 arrays."""
+
+
+@dataclass(frozen=True)
+class ImpactSize:
+    """Every size of the network; the defaults are the paper's."""
+
+    scene_points: int = 2048
+    """Of the 2048 observed points every (2048 / scene_points)-th is used."""
+    scene_tokens: int = 128
+    robot_points: int = 256
+    robot_tokens: int = 16
+    radius: float = 0.1
+    """[m] of the ball query."""
+    samples: int = 64
+    point_mlp: tuple[int, ...] = (64, 64, 64)
+    joint_mlp: tuple[int, ...] = (128, 256)
+    width: int = 128
+    feed_forward: int = 1024
+    heads: int = 8
+    encoder_layers: int = 6
+    decoder_layers: int = 6
+
+
+FULL = ImpactSize()
+SMALL = ImpactSize(
+    scene_points=512,
+    scene_tokens=48,
+    robot_points=64,
+    robot_tokens=8,
+    radius=0.15,
+    samples=32,
+    point_mlp=(32, 32, 64),
+    joint_mlp=(64, 128),
+    width=64,
+    feed_forward=256,
+    heads=4,
+    encoder_layers=3,
+    decoder_layers=2,
+)
+"""For processors without an accelerator: the same architecture."""
+SIZES = {"full": FULL, "small": SMALL}
+
+_LONGEST, _SHORTEST = 4.0, 0.1  # [m] wavelengths of the positional encoding
+
+
+def positional_encoding(
+    positions: Float[Array, "*batch 3"], width: int
+) -> Float[Array, "*batch {width}"]:
+    """Sines and cosines of each coordinate [m], wavelengths from 4 m to 0.1 m; the rest is zero."""
+    count = width // 6
+    frequency = 2.0 * np.pi / np.geomspace(_LONGEST, _SHORTEST, count)
+    phase = positions[..., None] * jnp.asarray(frequency, positions.dtype)
+    waves = jnp.concatenate([jnp.sin(phase), jnp.cos(phase)], axis=-1)
+    waves = waves.reshape(*positions.shape[:-1], 6 * count)
+    return jnp.pad(waves, [(0, 0)] * (waves.ndim - 1) + [(0, width - 6 * count)])
+
+
+def normalised(q: Float[Array, "*batch 7"]) -> Float[Array, "*batch 7"]:
+    """Joints [rad] as shares of their range, [-1, 1]."""
+    middle, half = 0.5 * (JOINT_UPPER + JOINT_LOWER), 0.5 * (JOINT_UPPER - JOINT_LOWER)
+    return (q - jnp.asarray(middle, q.dtype)) / jnp.asarray(half, q.dtype)
+
+
+class PointTokens(nnx.Module):
+    """Set abstraction and its projection to tokens."""
+
+    def __init__(self, size: ImpactSize, tokens: int, dtype, rngs: nnx.Rngs):
+        self.tokens, self.radius, self.samples = tokens, size.radius, size.samples
+        widths = (3, *size.point_mlp)
+        self.point_mlp = nnx.List(
+            nnx.Linear(a, b, dtype=dtype, rngs=rngs)
+            for a, b in zip(widths, widths[1:], strict=False)
+        )
+        self.hidden = nnx.Linear(widths[-1], 2 * size.width, dtype=dtype, rngs=rngs)
+        self.norm = nnx.LayerNorm(2 * size.width, dtype=dtype, rngs=rngs)
+        self.out = nnx.Linear(2 * size.width, size.width, dtype=dtype, rngs=rngs)
+        self.dtype = dtype
+
+    def __call__(self, points: Float[Array, "*batch N 3"], mask: Bool[Array, "*batch N"]):
+        centers, x = group(points, mask, self.tokens, self.radius, self.samples)
+        x = x.astype(self.dtype)
+        for layer in self.point_mlp[:-1]:
+            x = nnx.relu(layer(x))
+        # ReLU keeps order, so it may follow the maximum.
+        pooled = nnx.relu(jnp.max(self.point_mlp[-1](x), axis=-2))
+        tokens = self.out(nnx.relu(self.norm(self.hidden(pooled))))
+        tokens = tokens + positional_encoding(centers, tokens.shape[-1]).astype(tokens.dtype)
+        # A cloud without points is told by tokens of zeros.
+        return jnp.where(mask.any(axis=-1)[..., None, None], tokens, 0.0)
+
+
+class Attention(nnx.Module):
+    """Multi-head attention of one sequence to another, or to itself."""
+
+    def __init__(self, size: ImpactSize, dtype, rngs: nnx.Rngs):
+        self.heads = size.heads
+        self.query = nnx.Linear(size.width, size.width, dtype=dtype, rngs=rngs)
+        self.key_value = nnx.Linear(size.width, 2 * size.width, dtype=dtype, rngs=rngs)
+        self.out = nnx.Linear(size.width, size.width, dtype=dtype, rngs=rngs)
+
+    def __call__(self, x: Float[Array, "*batch Q H"], memory: Float[Array, "*batch T H"]):
+        q = self._split(self.query(x))
+        k, v = map(self._split, jnp.split(self.key_value(memory), 2, axis=-1))
+        logits = jnp.einsum("...qhd,...khd->...hqk", q, k) * q.shape[-1] ** -0.5
+        share = jax.nn.softmax(logits.astype(jnp.float32), axis=-1).astype(q.dtype)
+        y = jnp.einsum("...hqk,...khd->...qhd", share, v)
+        return self.out(y.reshape(x.shape))
+
+    def _split(self, x):
+        return x.reshape(*x.shape[:-1], self.heads, -1)
+
+
+class FeedForward(nnx.Module):
+    """Two linear layers about a ReLU."""
+
+    def __init__(self, size: ImpactSize, dtype, rngs: nnx.Rngs):
+        self.hidden = nnx.Linear(size.width, size.feed_forward, dtype=dtype, rngs=rngs)
+        self.out = nnx.Linear(size.feed_forward, size.width, dtype=dtype, rngs=rngs)
+
+    def __call__(self, x: Float[Array, "*batch T H"]):
+        return self.out(nnx.relu(self.hidden(x)))
+
+
+class EncoderLayer(nnx.Module):
+    """x += attention(norm x); x += feed forward(norm x)."""
+
+    def __init__(self, size: ImpactSize, dtype, rngs: nnx.Rngs):
+        self.attention = Attention(size, dtype, rngs)
+        self.feed_forward = FeedForward(size, dtype, rngs)
+        self.norm_1 = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
+        self.norm_2 = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
+
+    def __call__(self, x: Float[Array, "*batch T H"]):
+        y = self.norm_1(x)
+        x = x + self.attention(y, y)
+        return x + self.feed_forward(self.norm_2(x))
+
+
+class DecoderLayer(nnx.Module):
+    """As the encoder's, with attention to the encoder's tokens in the middle."""
+
+    def __init__(self, size: ImpactSize, dtype, rngs: nnx.Rngs):
+        self.attention = Attention(size, dtype, rngs)
+        self.cross = Attention(size, dtype, rngs)
+        self.feed_forward = FeedForward(size, dtype, rngs)
+        self.norm_1 = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
+        self.norm_2 = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
+        self.norm_3 = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
+
+    def __call__(self, x: Float[Array, "*batch 10 H"], memory: Float[Array, "*batch T H"]):
+        y = self.norm_1(x)
+        x = x + self.attention(y, y)
+        x = x + self.cross(self.norm_2(x), memory)
+        return x + self.feed_forward(self.norm_3(x))
+
+
+class JointToken(nnx.Module):
+    """An MLP from a configuration to one token."""
+
+    def __init__(self, inputs: int, size: ImpactSize, dtype, rngs: nnx.Rngs):
+        widths = (inputs, *size.joint_mlp, size.width)
+        self.layers = nnx.List(
+            nnx.Linear(a, b, dtype=dtype, rngs=rngs)
+            for a, b in zip(widths, widths[1:], strict=False)
+        )
+
+    def __call__(self, x: Float[Array, "*batch D"]):
+        for layer in self.layers[:-1]:
+            x = nnx.relu(layer(x))
+        return self.layers[-1](x)
+
+
+class ImpactNetwork(nnx.Module):
+    """The network as a Flax module; `apply` is the same as a pure function of its parameters.
+
+    Computes in `dtype`; parameters, joints and positions are float32.
+    """
+
+    def __init__(self, size: ImpactSize, rngs: nnx.Rngs, dtype=jnp.float32):
+        self.size = size
+        self.scene = PointTokens(size, size.scene_tokens, dtype, rngs)
+        self.robot = PointTokens(size, size.robot_tokens, dtype, rngs)
+        self.current = JointToken(7, size, dtype, rngs)
+        self.goal = JointToken(7, size, dtype, rngs)
+        self.difference = JointToken(14, size, dtype, rngs)
+        draw = nnx.initializers.normal(0.02)
+        self.types = nnx.Param(draw(rngs.params(), (5, size.width)))
+        self.actions = nnx.Param(draw(rngs.params(), (CHUNK, size.width)))
+        self.encoder = nnx.List(EncoderLayer(size, dtype, rngs) for _ in range(size.encoder_layers))
+        self.decoder = nnx.List(DecoderLayer(size, dtype, rngs) for _ in range(size.decoder_layers))
+        self.memory_norm = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
+        self.action_norm = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
+        small = nnx.initializers.variance_scaling(1e-2, "fan_in", "truncated_normal")
+        self.out = nnx.Linear(size.width, 7, kernel_init=small, rngs=rngs)
+        self.dtype = dtype
+
+    def __call__(
+        self,
+        scene_points: Float[Array, "*batch N 3"],
+        scene_mask: Bool[Array, "*batch N"],
+        robot_points: Float[Array, "*batch R 3"],
+        joints: Float[Array, "*batch 7"],
+        goal: Float[Array, "*batch 7"],
+    ) -> Float[Array, "*batch 10 7"]:
+        """The chunk (`chunks.py`) for points [m] in the world frame and joints [rad].
+
+        Points are thinned by a fixed stride: they are in random order, the moving boxes' last, so every
+        surface keeps its share.
+        """
+        size = self.size
+        stride = scene_points.shape[-2] // size.scene_points
+        scene_points, scene_mask = scene_points[..., ::stride, :], scene_mask[..., ::stride]
+        robot_points = robot_points[..., :: robot_points.shape[-2] // size.robot_points, :]
+        there = jnp.ones(robot_points.shape[:-1], bool)
+        q, g = normalised(joints), normalised(goal)
+        away = goal - joints
+        farthest = jnp.max(jnp.abs(away), axis=-1, keepdims=True)
+        towards = away / jnp.maximum(farthest, FLOOR * RAMP)
+        groups = [
+            self.scene(scene_points, scene_mask),
+            self.robot(robot_points, there),
+            self.current(q.astype(self.dtype))[..., None, :],
+            self.goal(g.astype(self.dtype))[..., None, :],
+            self.difference(jnp.concatenate([g - q, towards], -1).astype(self.dtype))[..., None, :],
+        ]
+        types = self.types[...].astype(self.dtype)
+        x = jnp.concatenate([tokens + types[i] for i, tokens in enumerate(groups)], axis=-2)
+        for layer in self.encoder:
+            x = layer(x)
+        memory = self.memory_norm(x)
+        actions = self.actions[...].astype(self.dtype)
+        x = jnp.broadcast_to(actions, (*x.shape[:-2], *actions.shape))
+        for layer in self.decoder:
+            x = layer(x, memory)
+        return self.out(self.action_norm(x).astype(jnp.float32))
+
+
+def initial(size: ImpactSize, seed: int = 0) -> Parameters:
+    """The parameters of an untrained network."""
+    return nnx.to_pure_dict(nnx.state(ImpactNetwork(size, nnx.Rngs(seed)), nnx.Param))
+
+
+@functools.cache
+def _form(size: ImpactSize, dtype: str):
+    """The network without its numbers."""
+    network = nnx.eval_shape(lambda: ImpactNetwork(size, nnx.Rngs(0), jnp.dtype(dtype)))
+    return nnx.split(network, nnx.Param)
+
+
+def apply(
+    size: ImpactSize,
+    parameters: Parameters,
+    scene_points: Float[Array, "*batch N 3"],
+    scene_mask: Bool[Array, "*batch N"],
+    robot_points: Float[Array, "*batch R 3"],
+    joints: Float[Array, "*batch 7"],
+    goal: Float[Array, "*batch 7"],
+    dtype: str = "float32",
+) -> Float[Array, "*batch 10 7"]:
+    """The network of this size with these parameters; see `ImpactNetwork`."""
+    form, state = _form(size, dtype)
+    nnx.replace_by_pure_dict(state, parameters)
+    network = nnx.merge(form, state)
+    return network(scene_points, scene_mask, robot_points, joints, goal)

@@ -1,0 +1,217 @@
+"""The network: sizes, what it sees and what it does not, and that batching changes nothing."""
+
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from drpbench.policies.chunks import CHUNK
+from drpbench.policies.impact import (
+    FULL,
+    SMALL,
+    ImpactSize,
+    apply,
+    initial,
+    normalised,
+    positional_encoding,
+)
+from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+
+TINY = ImpactSize(
+    scene_points=64,
+    scene_tokens=6,
+    robot_points=32,
+    robot_tokens=3,
+    radius=0.3,
+    samples=8,
+    point_mlp=(8, 16),
+    joint_mlp=(16,),
+    width=16,
+    feed_forward=24,
+    heads=2,
+    encoder_layers=1,
+    decoder_layers=1,
+)
+
+
+def count(size):
+    return sum(leaf.size for leaf in jax.tree.leaves(jax.eval_shape(lambda: initial(size))))
+
+
+def inputs(batch, seed=0, scene=2048):
+    rng = np.random.default_rng(seed)
+    lower, upper = JOINT_LOWER, JOINT_UPPER
+    return (
+        jnp.asarray(rng.uniform(-0.6, 0.6, (batch, scene, 3)), jnp.float32),
+        jnp.asarray(rng.random((batch, scene)) < 0.9),
+        jnp.asarray(rng.uniform(-0.4, 0.4, (batch, 256, 3)), jnp.float32),
+        *(jnp.asarray(rng.uniform(lower, upper, (batch, 7)), jnp.float32) for _ in range(2)),
+    )
+
+
+@pytest.fixture(scope="module")
+def tiny():
+    """A tiny network whose output layer is not small, so that what it sees can be told."""
+    parameters = initial(TINY, seed=1)
+    parameters["out"]["kernel"] = 30.0 * parameters["out"]["kernel"]
+    compiled = jax.jit(lambda *seen: apply(TINY, parameters, *seen))
+    return parameters, compiled
+
+
+def test_the_full_network_has_the_papers_number_of_parameters():
+    assert abs(count(FULL) / 4.67e6 - 1.0) < 0.05
+
+
+def test_the_small_network_is_the_same_architecture():
+    deep = jax.eval_shape(lambda: initial(FULL))
+    deep["encoder"] = {i: deep["encoder"][i] for i in range(SMALL.encoder_layers)}
+    deep["decoder"] = {i: deep["decoder"][i] for i in range(SMALL.decoder_layers)}
+    small = jax.eval_shape(lambda: initial(SMALL))
+    assert jax.tree.structure(small) == jax.tree.structure(deep)
+    assert count(SMALL) < 0.1 * count(FULL)
+
+
+def test_parameters_are_float32_and_follow_the_seed():
+    leaves = jax.tree.leaves(initial(TINY))
+    assert {leaf.dtype for leaf in leaves} == {jnp.dtype("float32")}
+    same, other = jax.tree.leaves(initial(TINY)), jax.tree.leaves(initial(TINY, seed=1))
+    assert all((a == b).all() for a, b in zip(leaves, same, strict=True))
+    assert any((a != b).any() for a, b in zip(leaves, other, strict=True))
+
+
+@pytest.mark.parametrize("size", [TINY, SMALL])
+def test_an_untrained_network_answers_little(size):
+    chunk = jax.jit(lambda *seen: apply(size, initial(size), *seen))(*inputs(4))
+    assert chunk.shape == (4, CHUNK, 7) and chunk.dtype == jnp.float32
+    assert 0 < float(jnp.abs(chunk).max()) < 1.0
+    # Already each row of the chunk is its own.
+    assert float(jnp.abs(jnp.diff(chunk, axis=-2)).max()) > 0
+
+
+def test_one_by_one_vmapped_or_as_a_batch_it_is_the_same(tiny):
+    _, compiled = tiny
+    seen = inputs(6)
+    batch = compiled(*seen)
+    single = jnp.stack([compiled(*(leaf[i] for leaf in seen)) for i in range(6)])
+    np.testing.assert_allclose(single, batch, atol=2e-5)
+    np.testing.assert_allclose(jax.jit(jax.vmap(compiled))(*seen), batch, atol=2e-5)
+    grid = compiled(*(leaf.reshape(2, 3, *leaf.shape[1:]) for leaf in seen))
+    np.testing.assert_allclose(grid.reshape(batch.shape), batch, atol=2e-5)
+
+
+@pytest.mark.parametrize("which", range(5))
+def test_every_input_matters(tiny, which):
+    _, compiled = tiny
+    seen, other = list(inputs(2)), inputs(2, seed=7)
+    before = compiled(*seen)
+    seen[which] = other[which]
+    assert float(jnp.abs(compiled(*seen) - before).max()) > 1e-3
+
+
+def test_where_the_scene_stands_matters(tiny):
+    """Relative neighbourhoods are the same; only the centres' positions tell."""
+    _, compiled = tiny
+    points, *rest = inputs(2)
+    moved = points + jnp.asarray([0.25, 0.0, 0.0])
+    assert float(jnp.abs(compiled(moved, *rest) - compiled(points, *rest)).max()) > 1e-3
+
+
+def test_masked_points_do_not_matter(tiny):
+    _, compiled = tiny
+    points, mask, *rest = inputs(2)
+    other = jnp.where(mask[..., None], points, 5.0)
+    np.testing.assert_array_equal(compiled(other, mask, *rest), compiled(points, mask, *rest))
+
+
+def test_an_empty_scene_is_finite_and_not_a_scene(tiny):
+    parameters, compiled = tiny
+    points, mask, *rest = inputs(2)
+    empty = compiled(jnp.zeros_like(points), jnp.zeros_like(mask), *rest)
+    assert np.isfinite(empty).all()
+    at_origin = compiled(jnp.zeros_like(points), mask, *rest)
+    assert float(jnp.abs(empty - at_origin).max()) > 1e-4
+
+    def loss(parameters):
+        seen = (jnp.zeros_like(points), jnp.zeros_like(mask), *rest)
+        return jnp.sum(jnp.square(apply(TINY, parameters, *seen)))
+
+    gradient = jax.jit(jax.grad(loss))(parameters)
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(gradient))
+
+
+def test_at_the_goal_it_is_finite_and_near_it_the_direction_tells(tiny):
+    _, compiled = tiny
+    points, mask, robot, joints, _ = inputs(1)
+    assert np.isfinite(compiled(points, mask, robot, joints, joints)).all()
+    step = jnp.asarray([1e-3, 0, 0, 0, 0, 0, 0])
+    there = compiled(points, mask, robot, joints, joints + step)
+    back = compiled(points, mask, robot, joints, joints - step)
+    assert float(jnp.abs(there - back).max()) > 1e-2
+
+
+def test_every_parameter_is_trained(tiny):
+    parameters, _ = tiny
+    seen = inputs(2)
+    gradient = jax.jit(jax.grad(lambda p: jnp.sum(jnp.square(apply(TINY, p, *seen) - 1.0))))(
+        parameters
+    )
+    silent = [
+        jax.tree_util.keystr(path)
+        for path, leaf in jax.tree_util.tree_leaves_with_path(gradient)
+        if not (jnp.abs(leaf) > 0).any()
+    ]
+    assert not silent
+
+
+def test_half_precision_is_close(tiny):
+    parameters, compiled = tiny
+    seen = inputs(4)
+    half = jax.jit(lambda *seen: apply(TINY, parameters, *seen, dtype="bfloat16"))(*seen)
+    assert half.dtype == jnp.float32
+    full = compiled(*seen)
+    assert 0 < float(jnp.abs(half - full).max()) < 0.05 * float(jnp.abs(full).max())
+
+
+def test_a_few_steps_of_descent_fit_a_batch(tiny):
+    parameters, _ = tiny
+    seen = inputs(4)
+    wanted = jnp.asarray(np.random.default_rng(0).normal(size=(4, CHUNK, 7)), jnp.float32)
+
+    @jax.jit
+    def step(parameters):
+        def loss(parameters):
+            return jnp.mean(jnp.square(apply(TINY, parameters, *seen) - wanted))
+
+        value, gradient = jax.value_and_grad(loss)(parameters)
+        return jax.tree.map(lambda p, g: p - 0.05 * g, parameters, gradient), value
+
+    values = []
+    for _ in range(60):
+        parameters, value = step(parameters)
+        values.append(float(value))
+    assert values[-1] < 0.7 * values[0]
+
+
+def test_joint_limits_are_the_ends_of_the_range():
+    np.testing.assert_allclose(normalised(jnp.asarray(JOINT_LOWER, jnp.float32)), -1.0, atol=1e-6)
+    np.testing.assert_allclose(normalised(jnp.asarray(JOINT_UPPER, jnp.float32)), 1.0, atol=1e-6)
+
+
+def test_positional_encoding_tells_a_centimetre():
+    rng = np.random.default_rng(0)
+    points = jnp.asarray(rng.uniform(-1.2, 1.2, (400, 3)), jnp.float32)
+    code = positional_encoding(points, 64)
+    assert code.shape == (400, 64) and float(jnp.abs(code).max()) <= 1.0
+    away = jnp.linalg.norm(code[:, None] - code[None], axis=-1)
+    apart = jnp.linalg.norm(points[:, None] - points[None], axis=-1) > 0.2
+    assert float(away[apart].min()) > 1.0
+    step = positional_encoding(points + 0.01, 64) - code
+    assert float(jnp.linalg.norm(step, axis=-1).min()) > 0.3
+
+
+def test_other_policies_do_not_import_flax():
+    program = "import sys, drpbench.policies; assert 'flax' not in sys.modules, 'flax is imported'"
+    subprocess.run([sys.executable, "-c", program], check=True)
