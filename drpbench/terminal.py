@@ -20,16 +20,7 @@ class RunProgress:
 
     def __init__(self, console: Console, policy: str):
         self._console, self._policy = console, policy
-        self._bars = Progress(
-            TextColumn("{task.description:<4}"),
-            BarColumn(bar_width=None),
-            TextColumn("{task.percentage:>3.0f}%"),
-            TextColumn("{task.fields[rates]}"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not console.is_terminal,
-        )
+        self._bars = _bars(console)
 
     def __enter__(self):
         self._bars.start()
@@ -40,16 +31,16 @@ class RunProgress:
 
     def begin(self, task: str, steps: int, done: int) -> None:
         self._task, self._seen, self._won, self._hit = task, 0, 0, 0
-        self._bar = self._bars.add_task(task, total=max(steps, 1), rates="compiling")
+        self._bar = self._bars.add_task(task, total=max(steps, 1), told="compiling")
         if steps == 0:
-            self._bars.update(self._bar, completed=1, rates="done before")
+            self._bars.update(self._bar, completed=1, told="done before")
         if done:
             self._console.print(f"{task}: {done} rows were there already", highlight=False)
 
     def advance(self, steps: int) -> None:
         self._bars.advance(self._bar, steps)
         if self._seen == 0:
-            self._bars.update(self._bar, rates="running")
+            self._bars.update(self._bar, told="running")
 
     def rows(self, rows: Sequence[Any]) -> None:
         self._seen += len(rows)
@@ -59,9 +50,75 @@ class RunProgress:
             f"success {100 * self._won / self._seen:.0f}% "
             f"collided {100 * self._hit / self._seen:.0f}% of {self._seen}"
         )
-        self._bars.update(self._bar, rates=rates)
+        self._bars.update(self._bar, told=rates)
         if not self._console.is_terminal:
             self._console.print(f"{self._policy} {self._task}: {rates}", highlight=False)
+
+
+class DataProgress:
+    """A bar of problems drawn, with the share that was solved; plain lines without a terminal."""
+
+    def __init__(self, console: Console, count: int):
+        self._console, self._drawn, self._solved = console, 0, 0
+        self._bars = _bars(console)
+        self._bar = self._bars.add_task("data", total=count, told="compiling")
+
+    def __enter__(self):
+        self._bars.start()
+        return self
+
+    def __exit__(self, *_):
+        self._bars.stop()
+
+    def advance(self, drawn: int, solved: int) -> None:
+        self._drawn += drawn
+        self._solved += solved
+        told = f"{self._drawn} drawn, {100 * self._solved / self._drawn:.1f}% solved"
+        self._bars.update(self._bar, advance=drawn, told=told)
+        if not self._console.is_terminal and self._drawn % 1024 < drawn:
+            self._console.print(told, highlight=False)
+
+
+class TrainingProgress:
+    """A live line of loss, rate and time left; plain lines without a terminal."""
+
+    def __init__(self, console: Console, steps: int):
+        self._console = console
+        self._bars = _bars(console)
+        self._bar = self._bars.add_task("train", total=steps, told="compiling")
+
+    def __enter__(self):
+        self._bars.start()
+        return self
+
+    def __exit__(self, *_):
+        self._bars.stop()
+
+    def line(self, line: Any, run: Any) -> None:
+        told = f"loss {line.loss:.4f}, {line.samples_per_second:.0f} samples/s"
+        self._bars.update(self._bar, completed=line.step, told=told)
+        left = (run.settings.steps - line.step) * run.settings.batch / line.samples_per_second
+        text = f"step {line.step}: {told}, {left / 60:.0f} min left"
+        if line.validated:
+            text += (
+                f"; validation: {line.succeeded}/{line.validated} succeeded, "
+                f"{line.reached} reached, {line.collided} collided"
+            )
+        if line.validated or not self._console.is_terminal:
+            self._console.print(text, highlight=False)
+
+
+def _bars(console: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description:<5}"),
+        BarColumn(bar_width=None),
+        TextColumn("{task.percentage:>3.0f}%"),
+        TextColumn("{task.fields[told]}"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        disable=not console.is_terminal,
+    )
 
 
 def listing(sections: Mapping[str, Sequence[tuple[str, str]]]) -> RenderableType:

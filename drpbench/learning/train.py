@@ -1,0 +1,167 @@
+"""A whole training run: feed, steps, checkpoints, validation, history, weights.
+
+In the folder of a run lie `settings.json`, `checkpoints/`, `history.csv`, `history.png`, and
+`weights.safetensors`: the newest average of the weights, with its card.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from drpbench.policies.impact import SIZES
+from drpbench.policies.impact_policy import Impact
+from drpbench.policies.weights import save
+
+from .checkpoints import Checkpoints
+from .feed import Feed
+from .history import History, Progress, plot
+from .pretraining import Pretraining, Settings, TrainingState
+from .validation import Validation
+
+
+class TrainingError(ValueError):
+    """A run that cannot begin or go on as asked; the message says what would be right."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What to train, and where. Periods are in steps; `report_every` divides all of them: so many steps
+    are one call of the compiled program."""
+
+    out: Path
+    size: str = "full"
+    settings: Settings = field(default_factory=Settings)
+    resume: bool = False
+    report_every: int = 100
+    checkpoint_every: int = 2000
+    validate_every: int = 0
+    """0: only at the end."""
+    validation_problems: int = 64
+
+    def __post_init__(self):
+        if self.size not in SIZES:
+            raise TrainingError(f"no size {self.size!r}; there are: {', '.join(SIZES)}")
+        for name, period in (
+            ("steps", self.settings.steps),
+            ("checkpoint-every", self.checkpoint_every),
+            ("validate-every", self.validate_every),
+        ):
+            if period % self.report_every:
+                raise TrainingError(
+                    f"--{name} {period}: must be a multiple of --report-every {self.report_every}"
+                )
+
+    def kept(self) -> dict[str, Any]:
+        """What must stay the same over interruptions."""
+        return {"size": self.size, **json.loads(json.dumps(asdict(self.settings)))}
+
+
+def train(run: Run, feed: Feed, told: Callable[[Progress, Run], None]) -> Progress:
+    """Trains to the last step and leaves everything in the run's folder; returns the last line.
+
+    `told` hears every line of the history. Raises TrainingError, CheckpointError, DataError.
+    """
+    training = Pretraining(SIZES[run.size], run.settings)
+    _claim(run)
+    history = History(run.out / "history.csv")
+    checkpoints = Checkpoints(run.out / "checkpoints")
+    state = training.begin()
+    if run.resume:
+        state = checkpoints.load(state)
+    lines = history.rewind(int(state.step))
+    spent = lines[-1].seconds if lines else 0.0
+    demonstrations = training.resident(feed.begin())
+    validation: Validation | None = None
+    began = time.perf_counter()
+    losses: list[np.ndarray] = []
+    while (step := int(state.step)) < run.settings.steps:
+        upto = step + run.report_every
+        lap = time.perf_counter()
+        state, loss = training.advance(state, demonstrations, steps=run.report_every)
+        losses.append(np.asarray(loss))
+        seconds = time.perf_counter() - lap
+        if not np.isfinite(losses[-1]).all():
+            raise TrainingError(
+                f"the loss is no number at step {step + int(np.argmin(np.isfinite(losses[-1])))}: "
+                "resume from the last checkpoint with a smaller --learning-rate"
+            )
+        last = upto == run.settings.steps
+        score = {}
+        if last or (run.validate_every and upto % run.validate_every == 0):
+            validation = validation or Validation(run.validation_problems)
+            found = validation.score(policy(run, state))
+            score = {
+                "validated": found.count,
+                "reached": found.reached,
+                "collided": found.collided,
+                "succeeded": found.succeeded,
+            }
+        line = Progress(
+            step=upto,
+            samples=upto * run.settings.batch,
+            seconds=spent + time.perf_counter() - began,
+            loss=float(np.mean(losses[-1])),
+            learning_rate=float(training.schedule(upto)),
+            samples_per_second=run.report_every * run.settings.batch / seconds,
+            **score,
+        )
+        history.add(line)
+        told(line, run)
+        if last or upto % run.checkpoint_every == 0:
+            checkpoints.save(state)
+            ship(run, state, line, device=jax.devices()[0].device_kind)
+        demonstrations = feed.refresh(demonstrations)
+    checkpoints.close()
+    if not (lines := history.read()):
+        raise TrainingError(f"{run.out}: all {run.settings.steps} steps were done before")
+    with contextlib.suppress(ImportError):  # the picture needs matplotlib; the CSV has all of it
+        plot(lines, run.out / "history.png")
+    return lines[-1]
+
+
+def policy(run: Run, state: TrainingState) -> Impact:
+    """The policy with the averaged weights of a state."""
+    return Impact(parameters=state.average, size=SIZES[run.size])
+
+
+def ship(run: Run, state: TrainingState, line: Progress, device: str) -> None:
+    """Writes the weights with a card that says how they were made."""
+    card = {
+        "size": run.size,
+        "training": run.kept() | {"steps done": line.step},
+        "samples": line.samples,
+        "hours": round(line.seconds / 3600.0, 3),
+        "device": device,
+        "loss": line.loss,
+    }
+    save(run.out / "weights.safetensors", policy(run, state), card)
+
+
+def _claim(run: Run) -> None:
+    """Makes the folder this run's, or checks that it is."""
+    path = run.out / "settings.json"
+    if not run.resume:
+        if path.exists():
+            raise TrainingError(
+                f"{run.out} holds a run: go on with --resume, or name another --out"
+            )
+        run.out.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(run.kept(), indent=1) + "\n", encoding="utf-8")
+        return
+    if not path.exists():
+        raise TrainingError(f"{run.out} holds no run to resume: leave out --resume")
+    before = json.loads(path.read_text(encoding="utf-8"))
+    for name, value in run.kept().items():
+        if before.get(name) != value:
+            raise TrainingError(
+                f"{run.out} was begun with {name} {before.get(name)}, not {value}: resume with that"
+            )

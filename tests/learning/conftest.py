@@ -1,0 +1,37 @@
+"""A handful of demonstrations that need no expert: the hints themselves."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from drpbench.learning.demonstrations import Demonstrations
+from drpbench.learning.drawing import Drawer
+from drpbench.robot import VELOCITY_LIMIT
+
+
+@pytest.fixture(scope="session")
+def drawn():
+    drawer = Drawer("tests")
+    return [drawer.draw(number) for number in range(24)]
+
+
+@pytest.fixture(scope="session")
+def demonstrations(drawn):
+    free = [one for one in drawn if not one.obstructed]
+
+    def stack(name):
+        return np.stack([getattr(one, name) for one in free])
+
+    steps = np.abs(np.diff(stack("hint"), axis=1)) / VELOCITY_LIMIT
+    scene = {name: stack(name) for name in ("kind", "half_size", "position", "quaternion", "mask")}
+    arrays = Demonstrations(
+        index=stack("index"),
+        family=stack("family"),
+        **scene,
+        goal=stack("goal"),
+        path=stack("hint"),
+        length=steps.max(axis=2).sum(axis=1).astype(np.float32),
+        reached=np.ones(len(free), bool),
+    )
+    return jax.tree.map(jnp.asarray, arrays)

@@ -1,0 +1,100 @@
+"""What the network is shown is what the world shows, and what it is asked for leads along the path."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from drpbench.envs import CONTROL_PERIOD
+from drpbench.geometry import signed_distance
+from drpbench.learning import batches
+from drpbench.policies.chunks import CHUNK, SPEED, decode
+from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, surface_points
+
+
+@pytest.fixture(scope="module")
+def batch(demonstrations):
+    return jax.jit(lambda key: batches.draw(key, demonstrations, 128, 512))(jax.random.key(3))
+
+
+def test_the_way_left_solves_its_differential_equation():
+    step, left = 1e-4, 0.5
+    walked = [left]
+    for _ in range(30000):
+        left -= step * SPEED * min(1.0, left / batches.NEAR)
+        walked.append(left)
+    times = jnp.arange(0, 30001, 1000) * step
+    closed = batches.way_left(jnp.full(len(times), 0.5), times)
+    assert np.allclose(closed, np.array(walked)[::1000], atol=1e-4)
+
+
+def test_places_along_a_path_are_between_its_waypoints():
+    path = jnp.cumsum(jnp.ones((5, 7)), axis=0)
+    found = batches.along(path, jnp.array([0.0, 0.125, 1.0, 1.5, -1.0]))
+    assert np.allclose(found[:, 0], [1.0, 1.5, 5.0, 5.0, 1.0])
+
+
+def test_points_lie_on_obstacles_above_the_table(batch, demonstrations):
+    obstacles = demonstrations.obstacles()
+    for b in range(8):
+        points = batch.scene_points[b]
+        assert batch.scene_mask[b].all()
+        # Which of the demonstrations it was is not told: one of them has all points on it.
+        off = jax.vmap(lambda scene, p=points: jnp.max(signed_distance(p, scene)))(obstacles)
+        assert float(jnp.min(off)) < 1e-4
+        assert float(points[:, 2].min()) >= -1e-5
+
+
+def test_robot_points_are_those_of_the_joints_shown(batch):
+    surface = surface_points()
+    for b in range(4):
+        everywhere = surface.world(link_poses(batch.joints[b]))
+        gaps = jnp.linalg.norm(batch.robot_points[b][:, None] - everywhere[None], axis=-1)
+        assert float(gaps.min(axis=1).max()) < 1e-5
+
+
+def test_chunks_lead_at_no_more_than_the_stated_speed_along_the_path(demonstrations):
+    """Without an offset the ten waypoints are on the path, forward, and no faster than SPEED."""
+    rows = []
+    for share in (0.0, 0.3, 0.9, 1.0):
+        path, length = jnp.asarray(demonstrations.path[0]), float(demonstrations.length[0])
+        left = length * (1 - share)
+        times = CONTROL_PERIOD * jnp.arange(CHUNK + 1)
+        ahead = batches.along(path, 1 - batches.way_left(jnp.full(CHUNK + 1, left), times) / length)
+        speed = jnp.max(jnp.abs(jnp.diff(ahead, axis=0)) / VELOCITY_LIMIT, axis=1) / CONTROL_PERIOD
+        rows.append(np.asarray(speed))
+    assert np.allclose(rows[0], SPEED, rtol=0.02)  # full speed
+    assert np.all(np.diff(rows[2]) <= 1e-3)  # slowing down
+    assert np.allclose(rows[3], 0.0)  # at rest
+
+
+def test_targets_stay_near_the_arm_and_within_its_limits(batch):
+    waypoints = decode(batch.chunk, batch.joints, batch.goal)
+    moved = jnp.abs(waypoints - batch.joints[:, None]) / VELOCITY_LIMIT
+    assert float(moved.max()) < 0.3  # [s at the velocity limits], a way back from beside the path
+    assert bool(jnp.all(waypoints > JOINT_LOWER - 1e-3) & jnp.all(waypoints < JOINT_UPPER + 1e-3))
+    assert bool(jnp.isfinite(batch.chunk).all())
+
+
+def test_the_same_key_draws_the_same_batch(batch, demonstrations):
+    again = jax.jit(lambda key: batches.draw(key, demonstrations, 128, 512))(jax.random.key(3))
+    for a, b in zip(jax.tree.leaves(batch), jax.tree.leaves(again), strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_clouds_without_obstacles_are_empty(demonstrations):
+    scene = jax.tree.map(lambda leaf: leaf[0], demonstrations.obstacles())
+    bare = jax.tree.map(jnp.asarray, scene)
+    bare = type(scene)(bare.kind, bare.half_size, bare.position, bare.rotation, bare.mask & False)
+    points, there = batches.cloud(jax.random.key(0), bare, 64)
+    assert not bool(there.any()) and not np.asarray(points).any()
+
+
+def test_some_clouds_are_denser_on_some_obstacles(demonstrations):
+    """The share of points on an obstacle varies more between clouds than chance alone would have it."""
+    scene = jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), demonstrations.obstacles())
+    high = jax.vmap(lambda key: jnp.mean(batches.cloud(key, scene, 512)[0][:, 2] > 0.02))(
+        jax.random.split(jax.random.key(0), 64)
+    )
+    mean = float(high.mean())
+    assert float(high.std()) > 2.0 * np.sqrt(mean * (1 - mean) / 512)
