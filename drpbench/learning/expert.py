@@ -6,12 +6,13 @@ path that passes is returned. In the manner of cuRobo (Sundaralingam et al., 202
 (Zucker et al., 2013), but second order: the unknowns are the control points c of a clamped cubic
 B-spline q(s), s in [0, 1], and Levenberg and Marquardt's method minimises
 
-    sum_i 1/2 c_i^T R c_i  +  WEIGHT / T sum_t sum_k 1/2 max(0, a_tk - d_tk)^2  +  END / 2 |q(1) - goal|^2
+    sum_i 1/2 c_i^T R c_i  +  WEIGHT / T sum_t sum_k 1/2 max(0, a_tk - d_tk)^2
 
-R holds the integrals of squared velocity, acceleration and jerk, d_tk is the distance of moving sphere
-k from the obstacles at waypoint t. The last term stands only where the goal is obstructed; else q(1)
-is fixed. The damping is a multiple of R, so steps are smooth. Where nothing is near, the straight line
-at even speed is the minimum.
+over all but the first and last of them. R holds the integrals of squared velocity, acceleration and
+jerk; d_tk is the room around sphere k of the arm at waypoint t, a_tk the room that is wanted. The
+damping is a multiple of R, so steps are smooth. Where nothing is near, the straight line at even speed
+is the minimum. Where the goal is obstructed, each seed is first cut off and led to the nearest place
+to stop (`stopping.py`).
 """
 
 from collections.abc import Callable
@@ -28,19 +29,18 @@ from drpbench.geometry import Primitives
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER
 
 from .clearance_cost import Gaps, clearance_cost, gaps
-from .path_check import CLEARANCE, check_path
+from .path_check import check_path
 from .retiming import uniform
 from .spline import basis, energy, fit
+from .stopping import shortened, touches
 
 ACTIVATION = 0.03  # [m] from obstacles that paths keep where there is room
 OWN_ACTIVATION = 0.01  # [m] between forearm or hand and trunk
-STOP_CLEARANCE = 0.015  # [m] kept where the path stops short of an obstructed goal
 LIMIT_MARGIN = 0.05  # [rad] kept from the joint limits, but for a start or goal beyond
 _LEAST_ACTIVATION = 0.007  # [m] at a start or goal that has less room
 _RAMP = 10  # waypoints from either end over which the activation rises to its full value
 _SMOOTHNESS = (1.0, 2.5e-3, 1.0e-6)  # of the integrals of squared velocity, acceleration, jerk
 _WEIGHT = 2.0e4  # [rad^2/m^2] of obstacles
-_END = 30.0  # of the way left to an obstructed goal
 
 
 @dataclass(frozen=True)
@@ -79,22 +79,8 @@ class Plan:
     length: Float[Array, "*batch"]
 
 
-def _touches(room: Gaps) -> Bool[Array, ""]:
-    return (jnp.min(room.obstacle) < CLEARANCE) | (jnp.min(room.own) <= 0.0)
-
-
 def _line(start, goal, count):
     return start + jnp.linspace(0.0, 1.0, count)[:, None] * (goal - start)
-
-
-def _up_to_contact(path, obstacles):
-    """The stretch of a path before its first contact, at as many even steps."""
-    count = len(path)
-    touching = jax.vmap(lambda q: _touches(gaps(q, obstacles)))(path)
-    last = jnp.min(jnp.where(touching, jnp.arange(count) - 1, count - 1))
-    at = jnp.linspace(0.0, 1.0, count) * jnp.maximum(last, 0)
-    low = jnp.minimum(at.astype(jnp.int32), count - 2)
-    return path[low] + (at - low)[:, None] * (path[low + 1] - path[low])
 
 
 def _activations(start: Gaps, end: Gaps, count: int) -> Gaps:
@@ -112,15 +98,13 @@ def _activations(start: Gaps, end: Gaps, count: int) -> Gaps:
     )
 
 
-def _optimise(seed, goal, obstructed, obstacles, activations, lower, upper, settings):
+def _optimise(seed, obstacles, activations, lower, upper, settings):
     """Control points (n, 7) from those of a seed, by Levenberg and Marquardt's method."""
     n, count = settings.control_points, settings.waypoints
     values = basis(n, count)
     smooth = energy(n, *_SMOOTHNESS)
     weight = _WEIGHT / count
-    size = 7 * (n - 1)
-    fixed = (np.arange(size) >= size - 7) & ~obstructed
-    end = jnp.where(obstructed, _END, 0.0)
+    size = 7 * (n - 2)
     multiply = partial(jnp.einsum, precision="highest")
 
     def evaluate(control):
@@ -128,26 +112,17 @@ def _optimise(seed, goal, obstructed, obstacles, activations, lower, upper, sett
         cost, gradient, hessian = jax.vmap(lambda q, a: clearance_cost(q, obstacles, a))(
             path, activations
         )
-        total = (
-            0.5 * multiply("ia,ij,ja->", control, smooth, control)
-            + weight * jnp.sum(cost)
-            + 0.5 * end * jnp.sum((control[-1] - goal) ** 2)
-        )
+        total = 0.5 * multiply("ia,ij,ja->", control, smooth, control) + weight * jnp.sum(cost)
         return total, weight * gradient, weight * hessian
 
     def step(_, state):
         control, (total, gradient, hessian), damping = state
         slope = multiply("ti,ta->ia", values, gradient) + multiply("ij,ja->ia", smooth, control)
-        slope = slope.at[-1].add(end * (control[-1] - goal))
-        stiffness = (1.0 + damping) * smooth
-        stiffness = stiffness.at[-1, -1].add(end)
         whole = multiply("ti,tj,tab->iajb", values, values, hessian)
-        whole = whole + stiffness[:, None, :, None] * jnp.eye(7)[:, None, :]
-        whole = whole[1:, :, 1:].reshape(size, size)
-        whole = jnp.where(fixed[:, None] | fixed, jnp.eye(size), whole)
-        slope = jnp.where(fixed, 0.0, slope[1:].reshape(size))
-        move = -jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(whole), slope)
-        tried = control.at[1:].add(move.reshape(n - 1, 7))
+        whole = whole + ((1.0 + damping) * smooth)[:, None, :, None] * jnp.eye(7)[:, None, :]
+        factor = jax.scipy.linalg.cho_factor(whole[1:-1, :, 1:-1].reshape(size, size))
+        move = -jax.scipy.linalg.cho_solve(factor, slope[1:-1].reshape(size))
+        tried = control.at[1:-1].add(move.reshape(n - 2, 7))
         tried = jnp.clip(tried, lower, upper)
         found = evaluate(tried)
         better = found[0] < total
@@ -174,28 +149,26 @@ def plan(
     repeats its last waypoint. Without success the path is the seeds' best and must not be used.
     """
     count, n = settings.waypoints, settings.control_points
-    here, there = gaps(start, obstacles), gaps(goal, obstacles)
-    obstructed = _touches(there)
+    ends = jnp.stack([start, goal])
+    lower = jnp.minimum(JOINT_LOWER.astype(np.float32) + LIMIT_MARGIN, ends.min(axis=0))
+    upper = jnp.maximum(JOINT_UPPER.astype(np.float32) - LIMIT_MARGIN, ends.max(axis=0))
 
     seeds = _line(start, goal, count)[None]
     if hints is not None:
         resampled = jax.vmap(lambda path: uniform(path, count)[0])(hints)
         seeds = jnp.concatenate([seeds, resampled])
-    shortened = jax.vmap(lambda path: _up_to_contact(path, obstacles))(seeds)
-    seeds = jnp.where(obstructed, shortened, seeds)
+    seeds = seeds.at[:, 0].set(start).at[:, -1].set(goal)
 
-    stop = jax.tree.map(lambda room: jnp.where(obstructed, STOP_CLEARANCE, room), there)
-    activations = _activations(here, stop, count)
-    ends = jnp.stack([start, goal])
-    lower = jnp.minimum(JOINT_LOWER.astype(np.float32) + LIMIT_MARGIN, ends.min(axis=0))
-    upper = jnp.maximum(JOINT_UPPER.astype(np.float32) - LIMIT_MARGIN, ends.max(axis=0))
+    here, there = gaps(start, obstacles), gaps(goal, obstacles)
+    obstructed = touches(there)
+    short = jax.vmap(lambda path: shortened(path, goal, obstacles, lower, upper))(seeds)
+    seeds = jnp.where(obstructed, short, seeds)
 
     def improve(seed):
         control = jnp.einsum("it,ta->ia", fit(n, count), seed, precision="highest")
-        control = control.at[0].set(start).at[-1].set(jnp.where(obstructed, seed[-1], goal))
-        control = _optimise(
-            control, goal, obstructed, obstacles, activations, lower, upper, settings
-        )
+        control = control.at[0].set(seed[0]).at[-1].set(seed[-1])
+        activations = _activations(here, gaps(seed[-1], obstacles), count)
+        control = _optimise(control, obstacles, activations, lower, upper, settings)
         curve = jnp.einsum("ti,ia->ta", basis(n, 4 * count), control, precision="highest")
         curve = curve.at[0].set(control[0]).at[-1].set(control[-1])
         path, length = uniform(curve, count)

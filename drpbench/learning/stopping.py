@@ -1,0 +1,87 @@
+"""Where to stop when the goal is obstructed: as near to it as the arm gets without touching."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from drpbench.geometry import Primitives
+
+from .clearance_cost import Gaps, clearance_cost, gaps
+from .path_check import CLEARANCE
+
+STOP_CLEARANCE = 0.015  # [m] kept from obstacles, and from the arm itself, where the path ends
+_WEIGHT = 1.0e3  # [rad^2/m^2] of clearance: a pull of 0.4 rad costs it a millimetre
+_ITERATIONS = 24
+_STEP = 0.05  # [rad] that a joint moves at most in one: nothing is jumped over
+
+
+def touches(room: Gaps) -> Bool[Array, ""]:
+    """Whether a configuration with this room is out of bounds for a path."""
+    return (jnp.min(room.obstacle) < CLEARANCE) | (jnp.min(room.own) <= 0.0)
+
+
+def up_to_contact(path: Float[Array, "T 7"], obstacles: Primitives) -> Float[Array, "T 7"]:
+    """The stretch of a path before its first contact, at as many even steps."""
+    count = len(path)
+    contact = jax.vmap(lambda q: touches(gaps(q, obstacles)))(path)
+    last = jnp.min(jnp.where(contact, jnp.arange(count) - 1, count - 1))
+    at = jnp.linspace(0.0, 1.0, count) * jnp.maximum(last, 0)
+    low = jnp.minimum(at.astype(jnp.int32), count - 2)
+    return path[low] + (at - low)[:, None] * (path[low + 1] - path[low])
+
+
+def nearest_stop(
+    q: Float[Array, "7"],
+    goal: Float[Array, "7"],
+    obstacles: Primitives,
+    lower: Float[Array, "7"],
+    upper: Float[Array, "7"],
+) -> Float[Array, "7"]:
+    """Slides `q` [rad] as near to `goal` as STOP_CLEARANCE allows, within the joint limits given.
+
+    Minimises |q - goal|^2 / 2 + _WEIGHT clearance_cost by Levenberg and Marquardt's method.
+    """
+    wanted = jax.tree.map(lambda room: jnp.full_like(room, STOP_CLEARANCE), gaps(q, obstacles))
+
+    def evaluate(q):
+        cost, gradient, hessian = clearance_cost(q, obstacles, wanted)
+        offset = q - goal
+        return (
+            0.5 * jnp.sum(offset * offset) + _WEIGHT * cost,
+            offset + _WEIGHT * gradient,
+            jnp.eye(7) + _WEIGHT * hessian,
+        )
+
+    def step(_, state):
+        q, (total, gradient, hessian), damping = state
+        factor = jax.scipy.linalg.cho_factor(hessian + damping * jnp.eye(7))
+        move = jnp.clip(-jax.scipy.linalg.cho_solve(factor, gradient), -_STEP, _STEP)
+        tried = jnp.clip(q + move, lower, upper)
+        found = evaluate(tried)
+        better = found[0] < total
+        keep = partial(jax.tree.map, lambda new, old: jnp.where(better, new, old))
+        damping = jnp.clip(jnp.where(better, 0.3 * damping, 10.0 * damping), 1e-4, 1e4)
+        return keep(tried, q), keep(found, (total, gradient, hessian)), damping
+
+    state = (q, evaluate(q), jnp.float32(0.1))
+    return jax.lax.fori_loop(0, _ITERATIONS, step, state)[0]
+
+
+def shortened(
+    path: Float[Array, "T 7"],
+    goal: Float[Array, "7"],
+    obstacles: Primitives,
+    lower: Float[Array, "7"],
+    upper: Float[Array, "7"],
+) -> Float[Array, "T 7"]:
+    """`path` cut off before its first contact, its end moved on to the nearest stop before `goal`.
+
+    What the end moves by is spread over the last waypoints, so that the start stays.
+    """
+    free = up_to_contact(path, obstacles)
+    offset = nearest_stop(free[-1], goal, obstacles, lower, upper) - free[-1]
+    share = np.clip(np.linspace(-2.0, 1.0, len(path)), 0.0, 1.0)[:, None]
+    return free + share * offset
