@@ -26,7 +26,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from drpbench.compile import jit
 from drpbench.geometry import Primitives
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER
 
 from .clearance_cost import Gaps, clearance_cost, gaps
 from .path_check import check_path
@@ -41,23 +41,31 @@ _LEAST_ACTIVATION = 0.007  # [m] at a start or goal that has less room
 _RAMP = 10  # waypoints from either end over which the activation rises to its full value
 _SMOOTHNESS = (1.0, 2.5e-3, 1.0e-6)  # of the integrals of squared velocity, acceleration, jerk
 _WEIGHT = 2.0e4  # [rad^2/m^2] of obstacles
+_VIA_SPREAD = 0.8  # [rad]
 
 
 @dataclass(frozen=True)
 class Settings:
     """Sizes of the search; fixed for a compiled planner.
 
-    `waypoints` a path, `control_points` of its spline, `iterations` of the optimiser; `vias` is the
-    number of seeds through random via points, beside the straight line and the hints.
+    `waypoints` a path (a power of two: what is learned from is stored in such arrays; at 64 the arm
+    rarely moves more than 5 cm between two, less than any obstacle with the room wanted about it is
+    thick), `control_points` of its spline, `iterations` of the optimiser; `vias` is the number of seeds
+    through via points, beside the straight line and the hints. With `stop_short`, what was not solved
+    is searched again for a path that stops before the goal.
     """
 
     waypoints: int = 64
     control_points: int = 20
     iterations: int = 15
     vias: int = 0
+    stop_short: bool = False
 
 
 CHEAP = Settings()
+"""For CPUs, with a hint: the straight line and the hint are the only seeds."""
+THOROUGH = Settings(iterations=30, vias=15, stop_short=True)
+"""For GPUs, or without a hint."""
 
 
 @jax.tree_util.register_dataclass
@@ -79,8 +87,28 @@ class Plan:
     length: Float[Array, "*batch"]
 
 
-def _line(start, goal, count):
-    return start + jnp.linspace(0.0, 1.0, count)[:, None] * (goal - start)
+def _seeds(start, goal, key, hints, lower, upper, settings):
+    """(S, T, 7): the straight line, the hints, and lines through via points.
+
+    The first via point is the home posture, turned half way; of the others one half lies about the
+    middle of the line, the other anywhere within the limits.
+    """
+    middle = 0.5 * (start + goal)
+    home = jnp.asarray(HOME, start.dtype).at[0].set(middle[0])
+    near_key, far_key = jax.random.split(key)
+    count = settings.vias // 2
+    near = middle + _VIA_SPREAD * jax.random.normal(near_key, (count, 7))
+    far = jax.random.uniform(far_key, (count, 7), minval=lower, maxval=upper)
+    vias = jnp.clip(jnp.concatenate([home[None], near, far])[: settings.vias], lower, upper)
+    corners = jax.vmap(lambda via: jnp.stack([start, via, goal]))(vias)
+    line = jnp.stack([start, goal])[None]
+    groups = [line, corners] if hints is None else [line, hints, corners]
+    seeds = [
+        jax.vmap(lambda path: uniform(path, settings.waypoints)[0])(group)
+        for group in groups
+        if len(group)
+    ]
+    return jnp.concatenate(seeds).at[:, 0].set(start).at[:, -1].set(goal)
 
 
 def _activations(start: Gaps, end: Gaps, count: int) -> Gaps:
@@ -135,34 +163,15 @@ def _optimise(seed, obstacles, activations, lower, upper, settings):
     return control
 
 
-def plan(
-    obstacles: Primitives,
-    start: Float[Array, "7"],
-    goal: Float[Array, "7"],
-    key: PRNGKeyArray,
-    hints: Float[Array, "H m 7"] | None = None,
-    settings: Settings = CHEAP,
-) -> Plan:
-    """The shortest path found from `start` to `goal` [rad] among `obstacles` (K,), as `Plan`.
+def _search(seeds, short, goal, obstacles, lower, upper, settings):
+    """The best path that comes of the seeds, its clearance and length, and whether it is any good.
 
-    `hints` are polylines from a sampling planner, of any number of waypoints; a path that is shorter
-    repeats its last waypoint. Without success the path is the seeds' best and must not be used.
+    Where `short`, the seeds are cut off at a place to stop first, and the best ends nearest to the goal.
     """
-    count, n = settings.waypoints, settings.control_points
-    ends = jnp.stack([start, goal])
-    lower = jnp.minimum(JOINT_LOWER.astype(np.float32) + LIMIT_MARGIN, ends.min(axis=0))
-    upper = jnp.maximum(JOINT_UPPER.astype(np.float32) - LIMIT_MARGIN, ends.max(axis=0))
-
-    seeds = _line(start, goal, count)[None]
-    if hints is not None:
-        resampled = jax.vmap(lambda path: uniform(path, count)[0])(hints)
-        seeds = jnp.concatenate([seeds, resampled])
-    seeds = seeds.at[:, 0].set(start).at[:, -1].set(goal)
-
-    here, there = gaps(start, obstacles), gaps(goal, obstacles)
-    obstructed = touches(there)
-    short = jax.vmap(lambda path: shortened(path, goal, obstacles, lower, upper))(seeds)
-    seeds = jnp.where(obstructed, short, seeds)
+    n, count = settings.control_points, settings.waypoints
+    cut = jax.vmap(lambda path: shortened(path, goal, obstacles, lower, upper))(seeds)
+    seeds = jnp.where(short, cut, seeds)
+    here = gaps(seeds[0, 0], obstacles)
 
     def improve(seed):
         control = jnp.einsum("it,ta->ia", fit(n, count), seed, precision="highest")
@@ -176,16 +185,37 @@ def plan(
 
     paths, lengths, checks = jax.vmap(improve)(seeds)
     left = jnp.sum((paths[:, -1] - goal) ** 2, axis=1)
-    rank = jnp.where(obstructed, left, lengths) + jnp.where(checks.free, 0.0, 1.0e6)
+    rank = jnp.where(short, left, lengths) + jnp.where(checks.free, 0.0, 1.0e6)
     best = jnp.argmin(rank)
-    return Plan(
-        path=paths[best],
-        success=checks.free[best],
-        reached=checks.free[best] & ~obstructed,
-        obstructed=obstructed,
-        clearance=checks.clearance[best],
-        length=lengths[best],
-    )
+    return paths[best], checks.free[best], checks.clearance[best], lengths[best]
+
+
+def plan(
+    obstacles: Primitives,
+    start: Float[Array, "7"],
+    goal: Float[Array, "7"],
+    key: PRNGKeyArray,
+    hints: Float[Array, "H m 7"] | None = None,
+    settings: Settings = CHEAP,
+) -> Plan:
+    """The shortest path found from `start` to `goal` [rad] among `obstacles` (K,), as `Plan`.
+
+    `hints` are polylines from a sampling planner, of any number of waypoints; one that is shorter than
+    the others repeats its last waypoint. Without success the path is the best of the seeds' and must
+    not be used.
+    """
+    ends = jnp.stack([start, goal])
+    lower = jnp.minimum(JOINT_LOWER.astype(np.float32) + LIMIT_MARGIN, ends.min(axis=0))
+    upper = jnp.maximum(JOINT_UPPER.astype(np.float32) - LIMIT_MARGIN, ends.max(axis=0))
+    seeds = _seeds(start, goal, key, hints, lower, upper, settings)
+    obstructed = touches(gaps(goal, obstacles))
+    found = _search(seeds, obstructed, goal, obstacles, lower, upper, settings)
+    reached = found[1] & ~obstructed
+    if settings.stop_short:
+        other = _search(seeds, jnp.array(True), goal, obstacles, lower, upper, settings)
+        found = jax.tree.map(lambda a, b: jnp.where(found[1], a, b), found, other)
+    path, success, clearance, length = found
+    return Plan(path, success, reached, obstructed, clearance, length)
 
 
 @cache
