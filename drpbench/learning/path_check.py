@@ -10,6 +10,8 @@ from drpbench.geometry import Primitives, signed_distance
 from drpbench.problems.motion import LEVER
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, link_poses, moving_spheres, self_clearance
 
+from .retiming import along
+
 CLEARANCE = 0.0055  # [m] at every sample: the certificate asks for 5 mm at samples of its own
 SAMPLES = 1024  # of a path, equally spaced in motion
 
@@ -37,10 +39,7 @@ def motion_samples(
     steps = jnp.sum(jnp.abs(jnp.diff(path, axis=0)) * LEVER.astype("float32"), axis=1)
     ends = jnp.concatenate([jnp.zeros(1), jnp.cumsum(steps)])
     wanted = jnp.linspace(0.0, 1.0, count) * ends[-1]
-    i = jnp.sum(wanted[:, None] >= ends[None, 1:-1], axis=1)
-    share = (wanted - ends[i]) / jnp.maximum(ends[i + 1] - ends[i], 1e-9)
-    points = path[i] + jnp.clip(share, 0.0, 1.0)[:, None] * (path[i + 1] - path[i])
-    return points, ends[-1] / (count - 1)
+    return along(path, ends, wanted), ends[-1] / (count - 1)
 
 
 def check_path(path: Float[Array, "T 7"], obstacles: Primitives) -> PathCheck:

@@ -1,14 +1,30 @@
 """Parametrisations of a joint-space path: uniform in length, and in time under the arm's limits."""
 
+from dataclasses import dataclass
+from functools import partial
+
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from drpbench.robot import VELOCITY_LIMIT
 
+from .spline import natural_slopes
+
+# Franka Emika's data sheet.
+ACCELERATION_LIMIT = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])  # [rad/s^2]
+JERK_LIMIT = 500.0 * ACCELERATION_LIMIT  # [rad/s^3], times 1/s
+_GRID = 512  # intervals of the path on which its speed is planned
+_BEND_SHARE = (
+    0.7  # of the acceleration limit that bends may take, so that some is left for the speed
+)
+_TINY = 1.0e-6
+
 
 def step_lengths(path: Float[Array, "T 7"]) -> Float[Array, " T-1"]:
     """Length [s] of each step of a polyline: max_i |dq_i| / VELOCITY_LIMIT_i, its least duration."""
-    return jnp.max(jnp.abs(jnp.diff(path, axis=0)) / VELOCITY_LIMIT.astype("float32"), axis=1)
+    return jnp.max(jnp.abs(jnp.diff(path, axis=0)) / VELOCITY_LIMIT.astype(np.float32), axis=1)
 
 
 def uniform(
@@ -22,9 +38,94 @@ def uniform(
     """
     ends = jnp.concatenate([jnp.zeros(1), jnp.cumsum(step_lengths(path))])
     wanted = jnp.linspace(0.0, 1.0, count) * ends[-1]
-    # Step `i` holds the wanted length: comparing with all is faster than a search, paths being short.
-    i = jnp.sum(wanted[:, None] >= ends[None, 1:-1], axis=1)
-    low, high = ends[i], ends[i + 1]
+    return along(path, ends, wanted).at[0].set(path[0]).at[-1].set(path[-1]), ends[-1]
+
+
+def along(
+    path: Float[Array, "T 7"], ends: Float[Array, " T"], wanted: Float[Array, " N"]
+) -> Float[Array, "N 7"]:
+    """Points of a polyline at the lengths `wanted`, `ends` being the lengths up to its waypoints."""
+    # Comparing with all of them is faster than a search, paths being short.
+    step = jnp.sum(wanted[:, None] >= ends[None, 1:-1], axis=1)
+    low, high = ends[step], ends[step + 1]
     share = jnp.where(high > low, (wanted - low) / jnp.where(high > low, high - low, 1.0), 0.0)
-    points = path[i] + jnp.clip(share, 0.0, 1.0)[:, None] * (path[i + 1] - path[i])
-    return points.at[0].set(path[0]).at[-1].set(path[-1]), ends[-1]
+    return path[step] + jnp.clip(share, 0.0, 1.0)[:, None] * (path[step + 1] - path[step])
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Trajectory:
+    """Joint positions [rad] at N equal steps of time, from rest to rest in `duration` [s]."""
+
+    q: Float[Array, "*batch N 7"]
+    duration: Float[Array, "*batch"]
+
+
+def retime(path: Float[Array, "T 7"], count: int = 256) -> Trajectory:
+    """`path` (T waypoints, T at least 3) in time, within the velocity, acceleration and jerk limits.
+
+    The path is the natural cubic spline q(s) through the waypoints. With x = (ds/dt)^2 and u = d2s/dt2
+
+        |q'| sqrt(x) <= velocity limit      |q'| u + |q''| x <= acceleration limit
+
+    for every joint; the speed is the largest that a pass forwards and one backwards leave (Bobrow et
+    al., 1985; not the optimum, for the second inequality is stricter than need be). The whole is then
+    slowed down by as much as velocity, acceleration and jerk of the samples demand, by their finite
+    differences.
+    """
+    slopes = jnp.einsum("ij,ja->ia", natural_slopes(len(path)), path, precision="highest")
+    step = (len(path) - 1) / _GRID
+    s = jnp.arange(_GRID + 1, dtype=path.dtype) * step
+    _, first, second = jax.vmap(partial(_spline, path, slopes))(s)
+    first, second = jnp.maximum(jnp.abs(first), _TINY), jnp.maximum(jnp.abs(second), _TINY)
+    fastest, strongest = (
+        jnp.asarray(limit, path.dtype) for limit in (VELOCITY_LIMIT, ACCELERATION_LIMIT)
+    )
+    ceiling = jnp.min(jnp.minimum((fastest / first) ** 2, _BEND_SHARE * strongest / second), axis=1)
+
+    def faster(x, at):
+        first, second, ceiling = at
+        push = jnp.min((strongest - second * x) / first)
+        x = jnp.minimum(x + 2.0 * step * push, ceiling)
+        return x, x
+
+    def reach(first, second, ceiling):
+        _, x = jax.lax.scan(faster, jnp.zeros(()), (first[:-1], second[:-1], ceiling[1:]))
+        return jnp.concatenate([jnp.zeros(1), x])
+
+    x = reach(first, second, ceiling)
+    x = reach(first[::-1], second[::-1], x[::-1])[::-1]
+    speed = jnp.sqrt(x)
+    # Between two points of the grid d2s/dt2 is constant.
+    times = 2.0 * step / (speed[:-1] + speed[1:])
+    ends = jnp.concatenate([jnp.zeros(1), jnp.cumsum(times)])
+    wanted = jnp.linspace(0.0, 1.0, count) * ends[-1]
+    at = jnp.sum(wanted[:, None] >= ends[None, 1:-1], axis=1)
+    since = wanted - ends[at]
+    push = (x[at + 1] - x[at]) / (2.0 * step)
+    place = s[at] + jnp.clip(since * (speed[at] + 0.5 * push * since), 0.0, step)
+    q = jax.vmap(lambda s: _spline(path, slopes, s)[0])(place)
+    q = q.at[0].set(path[0]).at[-1].set(path[-1])
+    return Trajectory(q, ends[-1] * _slowing(q, ends[-1] / (count - 1)))
+
+
+def _slowing(q: Float[Array, "N 7"], step: Float[Array, ""]) -> Float[Array, ""]:
+    """By which factor samples `step` [s] apart must be slowed down, starting and ending at rest."""
+    q = jnp.concatenate([jnp.repeat(q[:1], 3, axis=0), q, jnp.repeat(q[-1:], 3, axis=0)])
+    needed = jnp.ones(())
+    for order, limit in ((1, VELOCITY_LIMIT), (2, ACCELERATION_LIMIT), (3, JERK_LIMIT)):
+        difference = jnp.max(jnp.abs(jnp.diff(q, n=order, axis=0)) / limit.astype(np.float32))
+        needed = jnp.maximum(needed, (difference / step**order) ** (1.0 / order))
+    return 1.001 * needed
+
+
+def _spline(path, slopes, s):
+    """q, q' and q'' of the cubic spline with these slopes at the waypoints 0, 1, 2, ..."""
+    i = jnp.clip(s.astype(jnp.int32), 0, len(path) - 2)
+    t, rise = s - i, path[i + 1] - path[i]
+    # Hermite's form, with the slopes' excess over the chord.
+    a, b = slopes[i] - rise, slopes[i + 1] - rise
+    q = path[i] + t * rise + t * (1 - t) * ((1 - t) * a - t * b)
+    first = rise + (1 - 4 * t + 3 * t * t) * a + (3 * t * t - 2 * t) * b
+    second = (6 * t - 4) * a + (6 * t - 2) * b
+    return q, first, second

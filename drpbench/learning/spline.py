@@ -53,3 +53,18 @@ def fit(control_points: int, count: int) -> np.ndarray:
     inner = np.linalg.pinv(full[:, 1:-1]) @ (np.eye(count) - full @ ends)
     ends[1:-1] += inner
     return ends.astype(np.float32)
+
+
+@cache
+def natural_slopes(count: int) -> np.ndarray:
+    """(count, count): slopes at `count` waypoints, one apart, of the natural cubic spline through them.
+
+    Its second derivative is continuous, and zero at the ends.
+    """
+    left, right = np.zeros((count, count)), np.zeros((count, count))
+    for i in range(1, count - 1):
+        left[i, i - 1 : i + 2] = 1.0, 4.0, 1.0
+        right[i, [i - 1, i + 1]] = -3.0, 3.0
+    left[0, :2], right[0, :2] = (2.0, 1.0), (-3.0, 3.0)
+    left[-1, -2:], right[-1, -2:] = (1.0, 2.0), (-3.0, 3.0)
+    return np.linalg.solve(left, right).astype(np.float32)
