@@ -100,6 +100,7 @@ def default_out(policy: str, tasks: list[str], resume: bool) -> Path:
     To resume, the latest that is unfinished.
     """
     tag = "all" if len(tasks) == len(TASK_NAMES) else "-".join(tasks)
+    policy = policy.replace("/", "_").replace(":", "-")  # a policy may name a file of weights
     names = [Path("runs") / f"{policy}-{tag}.json"]
     while names[-1].exists():
         names.append(Path("runs") / f"{policy}-{tag}-{len(names) + 1}.json")
@@ -319,7 +320,9 @@ def train(
     validate_every: Annotated[
         int, typer.Option(help="Steps between validations; 0: only at the end.")
     ] = 0,
-    validation_problems: Annotated[int, typer.Option(help="Episodes of a validation.")] = 64,
+    validation_problems: Annotated[
+        int, typer.Option(help="Episodes of a validation; 0: none.", min=0)
+    ] = 64,
     capacity: Annotated[
         int, typer.Option(help="Demonstrations kept at once, without --data.")
     ] = 65536,
@@ -335,7 +338,6 @@ def train(
         ("batch", batch),
         ("report-every", report_every),
         ("checkpoint-every", checkpoint_every),
-        ("validation-problems", validation_problems),
         ("capacity", capacity),
     ):
         if number < 1:

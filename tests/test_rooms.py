@@ -16,6 +16,7 @@ MAY_IMPORT = {
     "policies": {"robot", "geometry"},
     "baselines": {"robot", "geometry", "policies"},
     "evaluation": {"robot", "geometry", "envs", "problems", "policies", "baselines"},
+    "learning": {"robot", "geometry", "envs", "problems", "policies", "baselines", "evaluation"},
 }
 # Of the world, a policy knows only what it is shown, and how often it is asked.
 SHOWN_TO_POLICIES = {"drpbench.envs.Observation", "drpbench.envs.CONTROL_PERIOD"}
@@ -102,6 +103,7 @@ def test_rooms_form_no_circle():
         ("from drpbench.envs import World", "drpbench.baselines.rmp", False),
         ("from drpbench.envs.world import Observation", "drpbench.policies.policy", False),
         ("import drpbench", "drpbench.robot.panda", False),
+        ("from drpbench.learning import batches", "drpbench.policies.impact", False),
     ],
 )
 def test_a_wrong_import_is_noticed(source, module, is_package):

@@ -25,7 +25,7 @@ from .checkpoints import Checkpoints
 from .feed import Feed
 from .history import History, Progress, plot
 from .pretraining import Pretraining, Settings, TrainingState
-from .validation import Validation
+from .validation import Score, Validation
 
 
 class TrainingError(ValueError):
@@ -46,6 +46,7 @@ class Run:
     validate_every: int = 0
     """0: only at the end."""
     validation_problems: int = 64
+    """0: never validated."""
 
     def __post_init__(self):
         if self.size not in SIZES:
@@ -95,16 +96,11 @@ def train(run: Run, feed: Feed, told: Callable[[Progress, Run], None]) -> Progre
                 "resume from the last checkpoint with a smaller --learning-rate"
             )
         last = upto == run.settings.steps
-        score = {}
-        if last or (run.validate_every and upto % run.validate_every == 0):
+        score: Score | None = None
+        due = last or (run.validate_every and upto % run.validate_every == 0)
+        if due and run.validation_problems:
             validation = validation or Validation(run.validation_problems)
-            found = validation.score(policy(run, state))
-            score = {
-                "validated": found.count,
-                "reached": found.reached,
-                "collided": found.collided,
-                "succeeded": found.succeeded,
-            }
+            score = validation.score(policy(run, state))
         line = Progress(
             step=upto,
             samples=upto * run.settings.batch,
@@ -112,7 +108,7 @@ def train(run: Run, feed: Feed, told: Callable[[Progress, Run], None]) -> Progre
             loss=float(np.mean(losses[-1])),
             learning_rate=float(training.schedule(upto)),
             samples_per_second=run.report_every * run.settings.batch / seconds,
-            **score,
+            **({} if score is None else asdict(score)),
         )
         history.add(line)
         told(line, run)

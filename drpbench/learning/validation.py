@@ -21,9 +21,9 @@ from .drawing import VALIDATION_STREAM, Drawer, Drawn
 
 @dataclass(frozen=True)
 class Score:
-    """Of `count` episodes: reached the goal, touched something, reached without touching."""
+    """Of `validated` episodes: reached the goal, touched something, reached without touching."""
 
-    count: int
+    validated: int
     reached: int
     collided: int
     succeeded: int
