@@ -1,0 +1,136 @@
+"""The commands that make demonstrations and train. Everything heavy is imported inside."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drpbench.refused import Refused
+
+
+def data(
+    out: Annotated[Path, typer.Option(help="Folder to write to, or to add to.")],
+    count: Annotated[int, typer.Option(help="How many problems to draw, in all.")] = 10240,
+    first: Annotated[int, typer.Option(help="Number of the first; other runs take others.")] = 0,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes that draw problems [default: one a core]")
+    ] = None,
+) -> None:
+    """Make demonstrations: draw training problems, solve them, write shards. Goes on where it stopped."""
+    from drpbench.learning.demonstrations import Shards
+    from drpbench.learning.drawing import TRAINING_STREAM
+    from drpbench.learning.production import SHARD, fill
+
+    for name, number in (("count", count), ("first", first)):
+        if number < 0 or number % SHARD:
+            near = max(SHARD, round(number / SHARD) * SHARD)
+            raise Refused(f"--{name} {number}: must be a multiple of {SHARD}, such as {near}")
+    if workers is not None and workers < 1:
+        raise Refused(f"--workers {workers}: must be at least 1")
+    shards = Shards(out, TRAINING_STREAM, SHARD)
+    from drpbench.compile import use_cache
+
+    use_cache()
+    from rich.console import Console
+
+    from drpbench.terminal import DataProgress
+
+    numbers = range(first, first + count)
+    with DataProgress(Console(), count) as progress:
+        fill(shards, numbers, workers, progress.advance)
+    counts = shards.counts
+    typer.echo(
+        f"{out}: {counts['drawn']} problems drawn, {counts['solved']} solved, "
+        f"{counts['obstructed']} of them with the goal out of reach"
+    )
+
+
+def train(
+    network: Annotated[str, typer.Argument(help="What to train: impact")],
+    out: Annotated[Path, typer.Option(help="Folder of the run.")],
+    demonstrations: Annotated[
+        Path | None,
+        typer.Option("--data", help="Folder of drpbench data [default: straight from the expert]"),
+    ] = None,
+    size: Annotated[
+        str, typer.Option(help="full (the paper's) or small (for processors)")
+    ] = "full",
+    steps: Annotated[int, typer.Option(help="The paper: 1,000,000.")] = 100_000,
+    batch: Annotated[int, typer.Option(help="Samples a step.")] = 512,
+    learning_rate: Annotated[float, typer.Option(help="At its highest.")] = 1e-3,
+    precision: Annotated[
+        str | None, typer.Option(help="float32 or bfloat16 [default: bfloat16 on a GPU]")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of weights and samples.")] = 0,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished run.")] = False,
+    report_every: Annotated[int, typer.Option(help="Steps between lines of the history.")] = 100,
+    checkpoint_every: Annotated[int, typer.Option(help="Steps between checkpoints.")] = 1000,
+    validate_every: Annotated[
+        int, typer.Option(help="Steps between validations; 0: only at the end.")
+    ] = 0,
+    validation_problems: Annotated[
+        int, typer.Option(help="Episodes of a validation; 0: none.", min=0)
+    ] = 64,
+    capacity: Annotated[
+        int, typer.Option(help="Demonstrations kept at once, without --data.")
+    ] = 65536,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes that draw problems, without --data.")
+    ] = None,
+) -> None:
+    """Train IMPACT by behaviour cloning. Checkpoints, a CSV, a plot and weights lie in the run's folder."""
+    if network != "impact":
+        raise Refused(f"cannot train {network!r}; there is: impact")
+    for name, number in (
+        ("steps", steps),
+        ("batch", batch),
+        ("report-every", report_every),
+        ("checkpoint-every", checkpoint_every),
+        ("capacity", capacity),
+    ):
+        if number < 1:
+            raise Refused(f"--{name} {number}: must be at least 1")
+    if precision not in (None, "float32", "bfloat16"):
+        raise Refused(f"--precision {precision}: float32 or bfloat16 is meant")
+    from drpbench.compile import use_cache
+
+    use_cache()
+    from contextlib import nullcontext
+
+    import jax
+    from rich.console import Console
+
+    from drpbench.learning.feed import Folder, Stream
+    from drpbench.learning.pretraining import Settings
+    from drpbench.learning.train import Run
+    from drpbench.learning.train import train as train_run
+    from drpbench.terminal import TrainingProgress
+
+    default = "float32" if jax.default_backend() == "cpu" else "bfloat16"
+    settings = Settings(
+        steps=steps,
+        batch=batch,
+        learning_rate=learning_rate,
+        precision=precision or default,
+        seed=seed,
+    )
+    wanted = Run(
+        out,
+        size,
+        settings,
+        resume,
+        report_every=report_every,
+        checkpoint_every=checkpoint_every,
+        validate_every=validate_every,
+        validation_problems=validation_problems,
+    )
+    source = (
+        nullcontext(Folder(demonstrations))
+        if demonstrations is not None
+        else Stream(capacity, workers=workers)
+    )
+    with source as feed, TrainingProgress(Console(), steps) as progress:
+        train_run(wanted, feed, progress.line)
+    typer.echo(
+        f"weights in {out / 'weights.safetensors'}; run them with --policy impact:{out}/weights.safetensors"
+    )
