@@ -29,6 +29,7 @@ from drpbench.geometry import Primitives
 from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER
 
 from .clearance_cost import Gaps, clearance_cost, gaps
+from .levenberg_marquardt import minimise
 from .path_check import check_path
 from .retiming import uniform
 from .spline import basis, energy, fit
@@ -111,18 +112,17 @@ def _seeds(start, goal, key, hints, lower, upper, settings):
     return jnp.concatenate(seeds).at[:, 0].set(start).at[:, -1].set(goal)
 
 
-def _activations(start: Gaps, end: Gaps, count: int) -> Gaps:
+def _activations(ends: Gaps, count: int) -> Gaps:
     """(T, spheres) [m]: as much as is wanted, but no more than the room at the ends, rising from there."""
 
-    def between(first, last, least, most):
+    def between(room, least, most):
         rise = most * jnp.arange(count)[:, None] / _RAMP
-        first = jnp.maximum(first, least) + rise
-        last = jnp.maximum(last, least) + rise[::-1]
-        return jnp.minimum(most, jnp.minimum(first, last))
+        first, last = jnp.maximum(room, least)
+        return jnp.minimum(most, jnp.minimum(first + rise, last + rise[::-1]))
 
     return Gaps(
-        between(start.obstacle, end.obstacle, _LEAST_ACTIVATION, ACTIVATION),
-        between(start.own, end.own, 0.1 * OWN_ACTIVATION, OWN_ACTIVATION),
+        between(ends.obstacle, _LEAST_ACTIVATION, ACTIVATION),
+        between(ends.own, 0.1 * OWN_ACTIVATION, OWN_ACTIVATION),
     )
 
 
@@ -143,24 +143,15 @@ def _optimise(seed, obstacles, activations, lower, upper, settings):
         total = 0.5 * multiply("ia,ij,ja->", control, smooth, control) + weight * jnp.sum(cost)
         return total, weight * gradient, weight * hessian
 
-    def step(_, state):
-        control, (total, gradient, hessian), damping = state
+    def propose(control, gradient, hessian, damping):
         slope = multiply("ti,ta->ia", values, gradient) + multiply("ij,ja->ia", smooth, control)
         whole = multiply("ti,tj,tab->iajb", values, values, hessian)
         whole = whole + ((1.0 + damping) * smooth)[:, None, :, None] * jnp.eye(7)[:, None, :]
         factor = jax.scipy.linalg.cho_factor(whole[1:-1, :, 1:-1].reshape(size, size))
         move = -jax.scipy.linalg.cho_solve(factor, slope[1:-1].reshape(size))
-        tried = control.at[1:-1].add(move.reshape(n - 2, 7))
-        tried = jnp.clip(tried, lower, upper)
-        found = evaluate(tried)
-        better = found[0] < total
-        keep = partial(jax.tree.map, lambda new, old: jnp.where(better, new, old))
-        damping = jnp.clip(jnp.where(better, 0.3 * damping, 5.0 * damping), 1e-4, 1e4)
-        return keep(tried, control), keep(found, (total, gradient, hessian)), damping
+        return control.at[1:-1].set(jnp.clip(control[1:-1] + move.reshape(n - 2, 7), lower, upper))
 
-    state = (seed, evaluate(seed), jnp.float32(0.1))
-    control, _, _ = jax.lax.fori_loop(0, settings.iterations, step, state)
-    return control
+    return minimise(evaluate, propose, seed, settings.iterations)
 
 
 def _search(seeds, short, goal, obstacles, lower, upper, settings):
@@ -171,12 +162,12 @@ def _search(seeds, short, goal, obstacles, lower, upper, settings):
     n, count = settings.control_points, settings.waypoints
     cut = jax.vmap(lambda path: shortened(path, goal, obstacles, lower, upper))(seeds)
     seeds = jnp.where(short, cut, seeds)
-    here = gaps(seeds[0, 0], obstacles)
 
     def improve(seed):
         control = jnp.einsum("it,ta->ia", fit(n, count), seed, precision="highest")
         control = control.at[0].set(seed[0]).at[-1].set(seed[-1])
-        activations = _activations(here, gaps(seed[-1], obstacles), count)
+        ends = jax.vmap(lambda q: gaps(q, obstacles))(seed[jnp.array([0, -1])])
+        activations = _activations(ends, count)
         control = _optimise(control, obstacles, activations, lower, upper, settings)
         curve = jnp.einsum("ti,ia->ta", basis(n, 4 * count), control, precision="highest")
         curve = curve.at[0].set(control[0]).at[-1].set(control[-1])
@@ -209,12 +200,14 @@ def plan(
     upper = jnp.maximum(JOINT_UPPER.astype(np.float32) - LIMIT_MARGIN, ends.max(axis=0))
     seeds = _seeds(start, goal, key, hints, lower, upper, settings)
     obstructed = touches(gaps(goal, obstacles))
-    found = _search(seeds, obstructed, goal, obstacles, lower, upper, settings)
-    reached = found[1] & ~obstructed
-    if settings.stop_short:
-        other = _search(seeds, jnp.array(True), goal, obstacles, lower, upper, settings)
-        found = jax.tree.map(lambda a, b: jnp.where(found[1], a, b), found, other)
-    path, success, clearance, length = found
+    modes = jnp.stack([obstructed, jnp.array(True)])[: 1 + settings.stop_short]
+    # A loop over both modes, and not two searches, for the compiler's sake.
+    found = jax.lax.map(
+        lambda short: _search(seeds, short, goal, obstacles, lower, upper, settings), modes
+    )
+    chosen = jnp.where(found[1][0], 0, len(modes) - 1)
+    path, success, clearance, length = jax.tree.map(lambda leaf: leaf[chosen], found)
+    reached = found[1][0] & ~obstructed
     return Plan(path, success, reached, obstructed, clearance, length)
 
 

@@ -1,7 +1,5 @@
 """Where to stop when the goal is obstructed: as near to it as the arm gets without touching."""
 
-from functools import partial
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +8,7 @@ from jaxtyping import Array, Bool, Float
 from drpbench.geometry import Primitives
 
 from .clearance_cost import Gaps, clearance_cost, gaps
+from .levenberg_marquardt import minimise
 from .path_check import CLEARANCE
 
 STOP_CLEARANCE = 0.015  # [m] kept from obstacles, and from the arm itself, where the path ends
@@ -44,7 +43,8 @@ def nearest_stop(
 
     Minimises |q - goal|^2 / 2 + _WEIGHT clearance_cost by Levenberg and Marquardt's method.
     """
-    wanted = jax.tree.map(lambda room: jnp.full_like(room, STOP_CLEARANCE), gaps(q, obstacles))
+    room = jax.eval_shape(lambda: gaps(q, obstacles))
+    wanted = jax.tree.map(lambda leaf: jnp.full(leaf.shape, STOP_CLEARANCE, leaf.dtype), room)
 
     def evaluate(q):
         cost, gradient, hessian = clearance_cost(q, obstacles, wanted)
@@ -55,19 +55,12 @@ def nearest_stop(
             jnp.eye(7) + _WEIGHT * hessian,
         )
 
-    def step(_, state):
-        q, (total, gradient, hessian), damping = state
+    def propose(q, gradient, hessian, damping):
         factor = jax.scipy.linalg.cho_factor(hessian + damping * jnp.eye(7))
-        move = jnp.clip(-jax.scipy.linalg.cho_solve(factor, gradient), -_STEP, _STEP)
-        tried = jnp.clip(q + move, lower, upper)
-        found = evaluate(tried)
-        better = found[0] < total
-        keep = partial(jax.tree.map, lambda new, old: jnp.where(better, new, old))
-        damping = jnp.clip(jnp.where(better, 0.3 * damping, 10.0 * damping), 1e-4, 1e4)
-        return keep(tried, q), keep(found, (total, gradient, hessian)), damping
+        move = -jax.scipy.linalg.cho_solve(factor, gradient)
+        return jnp.clip(q + jnp.clip(move, -_STEP, _STEP), lower, upper)
 
-    state = (q, evaluate(q), jnp.float32(0.1))
-    return jax.lax.fori_loop(0, _ITERATIONS, step, state)[0]
+    return minimise(evaluate, propose, q, _ITERATIONS)
 
 
 def shortened(
