@@ -66,11 +66,24 @@ def test_help_imports_nothing_heavy():
         (["problems", "show", "FDO", "100000"], "100000", "ids go from 0"),
         (["problems", "show", "XYZ", "1"], "XYZ", "FDO"),
         (["leaderboard", "nowhere"], "nowhere", ""),
+        (["run", "--task", "FDO", "--policy", "impact:no.safetensors"], "no.safetensors", ""),
+        (["run", "--task", "FDO", "--policy", "rmp:x.safetensors"], "'rmp'", "impact"),
+        (["data", "--out", "d", "--count", "100"], "--count 100", "1024"),
+        (["data", "--out", "d", "--workers", "0"], "--workers 0", "at least 1"),
+        (["data", "--out", "."], ".", ""),
+        (["train", "nothing", "--out", "t"], "nothing", "impact"),
+        (["train", "impact", "--out", "t", "--steps", "0"], "--steps 0", "at least 1"),
+        (["train", "impact", "--out", "t", "--precision", "int8"], "int8", "bfloat16"),
+        (["train", "impact", "--out", "t", "--data", "nowhere"], "nowhere", "drpbench data"),
+        (["train", "impact", "--out", "t", "--capacity", "9"], "capacity", "at least 256"),
+        (["train", "impact", "--out", "t", "--size", "huge"], "huge", "small"),
+        (["train", "impact", "--out", "t", "--steps", "150"], "--steps 150", "multiple"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(arguments, named, right, tmp_path):
+    (tmp_path / "mine.txt").touch()
     refused = drpbench(*arguments, cwd=tmp_path)
-    assert refused.returncode == 2
+    assert refused.returncode == 2, refused.stderr
     assert refused.stderr.count("\n") == 1 and "Traceback" not in refused.stderr
     assert named in refused.stderr and right in refused.stderr
     assert not list(tmp_path.rglob("*.json*"))

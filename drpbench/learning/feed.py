@@ -14,8 +14,8 @@ from typing import Protocol
 import jax
 import numpy as np
 
-from .demonstrations import Demonstrations, join, read
-from .production import BATCH, Production
+from .demonstrations import DataError, Demonstrations, join, read
+from .production import SHARD, Production
 
 _BLOCK = 256  # demonstrations that replace older ones at once
 
@@ -55,7 +55,7 @@ class Stream:
     def __init__(self, capacity: int, first: int = 0, workers: int | None = None):
         """`first` is the number of the first problem."""
         if capacity < _BLOCK:
-            raise ValueError(f"a capacity of {capacity}: at least {_BLOCK} are needed")
+            raise DataError(f"--capacity {capacity}: at least {_BLOCK} demonstrations are kept")
         self._capacity, self._first, self._workers = capacity, first, workers
         self._blocks: queue.Queue[Demonstrations | BaseException] = queue.Queue(maxsize=8)
         self._stopped = threading.Event()
@@ -102,8 +102,8 @@ class Stream:
 
     def _solve(self, production: Production) -> None:
         kept: list[Demonstrations] = []
-        for first in itertools.count(self._first, 16 * BATCH):
-            for _, solved in production.solved(range(first, first + 16 * BATCH)):
+        for first in itertools.count(self._first, SHARD):
+            for _, solved in production.solved(range(first, first + SHARD)):
                 kept = [join([*kept, solved])]
                 while kept[0].count >= _BLOCK:
                     block = jax.tree.map(lambda leaf: leaf[:_BLOCK], kept[0])

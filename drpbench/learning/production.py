@@ -18,7 +18,6 @@ from .demonstrations import Demonstrations, Shards, join
 from .drawing import TRAINING_STREAM, Drawer, Drawn
 from .expert import CHEAP, planner
 
-BATCH = 64  # problems that the expert solves at once
 SHARD = 1024  # problem numbers in a shard
 _drawer: Drawer | None = None  # one a process
 
@@ -31,6 +30,11 @@ def _begin(stream: str) -> None:
 
 def _draw(index: int) -> Drawn:
     return _drawer.draw(index)
+
+
+def batch_size() -> int:
+    """How many problems the expert solves at once: what fills the device without keeping it waiting."""
+    return 64 if jax.default_backend() == "cpu" else 512
 
 
 def default_workers() -> int:
@@ -61,18 +65,19 @@ class Production:
     def solved(self, numbers: range) -> Iterator[tuple[int, Demonstrations]]:
         """For each batch of `numbers`: how many problems were drawn, and those that were solved."""
         # A few batches ahead of the expert, no more.
-        ahead = [self._pool.submit(_draw, number) for number in numbers[: 4 * BATCH]]
-        rest = iter(numbers[4 * BATCH :])
+        batch = batch_size()
+        ahead = [self._pool.submit(_draw, number) for number in numbers[: 4 * batch]]
+        rest = iter(numbers[4 * batch :])
         while ahead:
-            drawn = [future.result() for future in ahead[:BATCH]]
-            more = [self._pool.submit(_draw, number) for number in islice(rest, BATCH)]
-            ahead = ahead[BATCH:] + more
+            drawn = [future.result() for future in ahead[:batch]]
+            more = [self._pool.submit(_draw, number) for number in islice(rest, batch)]
+            ahead = ahead[batch:] + more
             yield len(drawn), solve(drawn)
 
 
 def solve(drawn: Sequence[Drawn]) -> Demonstrations:
-    """The expert's paths for those of up to `BATCH` problems that it solves."""
-    filled = [drawn[number % len(drawn)] for number in range(BATCH)]  # one compiled shape
+    """The expert's paths for those of up to `batch_size()` problems that it solves."""
+    filled = [drawn[number % len(drawn)] for number in range(batch_size())]  # one compiled shape
 
     def stack(name: str) -> np.ndarray:
         return np.stack([getattr(one, name) for one in filled])

@@ -24,13 +24,12 @@ class Source:
     def __exit__(self, *error): ...
 
     def solved(self, numbers):
-        for first in range(numbers.start, numbers.stop, feeds.BATCH):
+        for first in range(numbers.start, numbers.stop, 64):
             if self._fails_at is not None and first >= self._fails_at:
                 raise RuntimeError("the expert broke")
-            count = feeds.BATCH
-            many = jax.tree.map(lambda leaf: np.repeat(leaf, count, axis=0), self._one)
-            index = np.arange(first, first + count)
-            yield count, type(many)(**{**vars(many), "index": index})
+            many = jax.tree.map(lambda leaf: np.repeat(leaf, 64, axis=0), self._one)
+            index = np.arange(first, first + 64)
+            yield 64, type(many)(**{**vars(many), "index": index})
 
 
 def test_the_newest_replace_the_oldest_round_and_round(demonstrations, monkeypatch):
@@ -62,7 +61,7 @@ def test_leaving_does_not_wait_for_a_full_queue(demonstrations, monkeypatch):
 
 
 def test_too_small_a_capacity_is_refused():
-    with pytest.raises(ValueError, match="at least 256"):
+    with pytest.raises(DataError, match="at least 256"):
         feeds.Stream(capacity=100)
 
 

@@ -13,7 +13,7 @@ from drpbench.evaluation import Request, run
 from drpbench.learning import train as training
 from drpbench.learning.drawing import Drawer
 from drpbench.learning.pretraining import Settings
-from drpbench.learning.production import BATCH, solve
+from drpbench.learning.production import batch_size, solve
 from drpbench.learning.validation import problems
 from drpbench.policies.impact import SIZES, ImpactSize
 from drpbench.problems import ProblemSet
@@ -41,7 +41,7 @@ SLIM = ImpactSize(
 @pytest.fixture(scope="module")
 def solved():
     drawer = Drawer("tests")
-    drawn = [drawer.draw(number) for number in range(BATCH)]
+    drawn = [drawer.draw(number) for number in range(batch_size())]
     found = solve(drawn)
     kept = np.nonzero(np.asarray(found.reached))[0][:COUNT]
     by_number = {one.index: one for one in drawn}
