@@ -19,7 +19,6 @@ import functools
 from dataclasses import dataclass
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import nnx
@@ -28,6 +27,7 @@ from jaxtyping import Array, Bool, Float
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER
 
 from .chunks import CHUNK, FLOOR, RAMP
+from .layers import attention, dot_general, greatest
 from .set_abstraction import group
 
 Parameters = dict[str, Any]
@@ -74,6 +74,8 @@ SMALL = ImpactSize(
 """For processors without an accelerator: the same architecture."""
 SIZES = {"full": FULL, "small": SMALL}
 
+Linear = functools.partial(nnx.Linear, dot_general=dot_general)
+
 _LONGEST, _SHORTEST = 4.0, 0.1  # [m] wavelengths of the positional encoding
 
 
@@ -102,12 +104,11 @@ class PointTokens(nnx.Module):
         self.tokens, self.radius, self.samples = tokens, size.radius, size.samples
         widths = (3, *size.point_mlp)
         self.point_mlp = nnx.List(
-            nnx.Linear(a, b, dtype=dtype, rngs=rngs)
-            for a, b in zip(widths, widths[1:], strict=False)
+            Linear(a, b, dtype=dtype, rngs=rngs) for a, b in zip(widths, widths[1:], strict=False)
         )
-        self.hidden = nnx.Linear(widths[-1], 2 * size.width, dtype=dtype, rngs=rngs)
+        self.hidden = Linear(widths[-1], 2 * size.width, dtype=dtype, rngs=rngs)
         self.norm = nnx.LayerNorm(2 * size.width, dtype=dtype, rngs=rngs)
-        self.out = nnx.Linear(2 * size.width, size.width, dtype=dtype, rngs=rngs)
+        self.out = Linear(2 * size.width, size.width, dtype=dtype, rngs=rngs)
         self.dtype = dtype
 
     def __call__(self, points: Float[Array, "*batch N 3"], mask: Bool[Array, "*batch N"]):
@@ -116,7 +117,7 @@ class PointTokens(nnx.Module):
         for layer in self.point_mlp[:-1]:
             x = nnx.relu(layer(x))
         # ReLU keeps order, so it may follow the maximum.
-        pooled = nnx.relu(jnp.max(self.point_mlp[-1](x), axis=-2))
+        pooled = nnx.relu(greatest(self.point_mlp[-1](x)))
         tokens = self.out(nnx.relu(self.norm(self.hidden(pooled))))
         tokens = tokens + positional_encoding(centers, tokens.shape[-1]).astype(tokens.dtype)
         # A cloud without points is told by tokens of zeros.
@@ -128,28 +129,27 @@ class Attention(nnx.Module):
 
     def __init__(self, size: ImpactSize, dtype, rngs: nnx.Rngs):
         self.heads = size.heads
-        self.query = nnx.Linear(size.width, size.width, dtype=dtype, rngs=rngs)
-        self.key_value = nnx.Linear(size.width, 2 * size.width, dtype=dtype, rngs=rngs)
-        self.out = nnx.Linear(size.width, size.width, dtype=dtype, rngs=rngs)
+        self.query = Linear(size.width, size.width, dtype=dtype, rngs=rngs)
+        self.key_value = Linear(size.width, 2 * size.width, dtype=dtype, rngs=rngs)
+        self.out = Linear(size.width, size.width, dtype=dtype, rngs=rngs)
 
     def __call__(self, x: Float[Array, "*batch Q H"], memory: Float[Array, "*batch T H"]):
         q = self._split(self.query(x))
         k, v = map(self._split, jnp.split(self.key_value(memory), 2, axis=-1))
-        logits = jnp.einsum("...qhd,...khd->...hqk", q, k) * q.shape[-1] ** -0.5
-        share = jax.nn.softmax(logits.astype(jnp.float32), axis=-1).astype(q.dtype)
-        y = jnp.einsum("...hqk,...khd->...qhd", share, v)
+        y = jnp.swapaxes(attention(q, k, v), -2, -3)
         return self.out(y.reshape(x.shape))
 
     def _split(self, x):
-        return x.reshape(*x.shape[:-1], self.heads, -1)
+        """(..., T, H) to (..., heads, T, H / heads)."""
+        return jnp.swapaxes(x.reshape(*x.shape[:-1], self.heads, -1), -2, -3)
 
 
 class FeedForward(nnx.Module):
     """Two linear layers about a ReLU."""
 
     def __init__(self, size: ImpactSize, dtype, rngs: nnx.Rngs):
-        self.hidden = nnx.Linear(size.width, size.feed_forward, dtype=dtype, rngs=rngs)
-        self.out = nnx.Linear(size.feed_forward, size.width, dtype=dtype, rngs=rngs)
+        self.hidden = Linear(size.width, size.feed_forward, dtype=dtype, rngs=rngs)
+        self.out = Linear(size.feed_forward, size.width, dtype=dtype, rngs=rngs)
 
     def __call__(self, x: Float[Array, "*batch T H"]):
         return self.out(nnx.relu(self.hidden(x)))
@@ -194,8 +194,7 @@ class JointToken(nnx.Module):
     def __init__(self, inputs: int, size: ImpactSize, dtype, rngs: nnx.Rngs):
         widths = (inputs, *size.joint_mlp, size.width)
         self.layers = nnx.List(
-            nnx.Linear(a, b, dtype=dtype, rngs=rngs)
-            for a, b in zip(widths, widths[1:], strict=False)
+            Linear(a, b, dtype=dtype, rngs=rngs) for a, b in zip(widths, widths[1:], strict=False)
         )
 
     def __call__(self, x: Float[Array, "*batch D"]):
@@ -225,7 +224,7 @@ class ImpactNetwork(nnx.Module):
         self.memory_norm = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
         self.action_norm = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
         small = nnx.initializers.variance_scaling(1e-2, "fan_in", "truncated_normal")
-        self.out = nnx.Linear(size.width, 7, kernel_init=small, rngs=rngs)
+        self.out = Linear(size.width, 7, kernel_init=small, rngs=rngs)
         self.dtype = dtype
 
     def __call__(
