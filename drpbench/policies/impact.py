@@ -74,7 +74,9 @@ SMALL = ImpactSize(
 """For processors without an accelerator: the same architecture."""
 SIZES = {"full": FULL, "small": SMALL}
 
-Linear = functools.partial(nnx.Linear, dot_general=dot_general)
+Linear = functools.partial(
+    nnx.Linear, dot_general=dot_general, kernel_init=nnx.initializers.lecun_uniform()
+)
 
 _LONGEST, _SHORTEST = 4.0, 0.1  # [m] wavelengths of the positional encoding
 
@@ -223,7 +225,7 @@ class ImpactNetwork(nnx.Module):
         self.decoder = nnx.List(DecoderLayer(size, dtype, rngs) for _ in range(size.decoder_layers))
         self.memory_norm = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
         self.action_norm = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
-        small = nnx.initializers.variance_scaling(1e-2, "fan_in", "truncated_normal")
+        small = nnx.initializers.variance_scaling(1e-2, "fan_in", "uniform")
         self.out = Linear(size.width, 7, kernel_init=small, rngs=rngs)
         self.dtype = dtype
 
