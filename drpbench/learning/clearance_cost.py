@@ -34,6 +34,11 @@ class Gaps:
     own: Float[Array, "*batch O"]
 
 
+def everywhere(room: float) -> Gaps:
+    """The same room [m] around every sphere."""
+    return Gaps(jnp.full(len(_MOVING), room), jnp.full(len(_OUTER), room))
+
+
 def _own(points: Float[Array, "N 3"]) -> tuple[Array, Array, Array]:
     """Gap, direction, and frame of the inner sphere that is nearest, for each outer sphere.
 

@@ -80,12 +80,12 @@ class Plan:
     that the velocity limits allow for it.
     """
 
-    path: Float[Array, "*batch T 7"]
-    success: Bool[Array, "*batch"]
-    reached: Bool[Array, "*batch"]
-    obstructed: Bool[Array, "*batch"]
-    clearance: Float[Array, "*batch"]
-    length: Float[Array, "*batch"]
+    path: Float[Array, "*batch T 7"] | Float[np.ndarray, "*batch T 7"]
+    success: Bool[Array, "*batch"] | Bool[np.ndarray, "*batch"]
+    reached: Bool[Array, "*batch"] | Bool[np.ndarray, "*batch"]
+    obstructed: Bool[Array, "*batch"] | Bool[np.ndarray, "*batch"]
+    clearance: Float[Array, "*batch"] | Float[np.ndarray, "*batch"]
+    length: Float[Array, "*batch"] | Float[np.ndarray, "*batch"]
 
 
 def _seeds(start, goal, key, hints, lower, upper, settings):

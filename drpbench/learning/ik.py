@@ -35,10 +35,10 @@ class Solutions:
     keep LIMIT_MARGIN from the joint limits.
     """
 
-    q: Float[Array, "*batch S 7"]
-    position_error: Float[Array, "*batch S"]
-    orientation_error: Float[Array, "*batch S"]
-    converged: Bool[Array, "*batch S"]
+    q: Float[Array, "*batch S 7"] | Float[np.ndarray, "*batch S 7"]
+    position_error: Float[Array, "*batch S"] | Float[np.ndarray, "*batch S"]
+    orientation_error: Float[Array, "*batch S"] | Float[np.ndarray, "*batch S"]
+    converged: Bool[Array, "*batch S"] | Bool[np.ndarray, "*batch S"]
 
 
 def rotation_vector(rotation: Float[Array, "3 3"]) -> Float[Array, "3"]:

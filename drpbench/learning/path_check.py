@@ -19,14 +19,10 @@ SAMPLES = 1024  # of a path, equally spaced in motion
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class PathCheck:
-    """`free`: the whole path may be used. `clearance` [m]: its smallest, of obstacles alone.
+    """`free`: the whole path may be used. `clearance` [m]: its smallest, of obstacles alone."""
 
-    `free_share` is how far along the path, as a share of its motion, its first fault lies; 1 without.
-    """
-
-    free: Bool[Array, ""]
-    clearance: Float[Array, ""]
-    free_share: Float[Array, ""]
+    free: Bool[Array, "*batch"]
+    clearance: Float[Array, "*batch"]
 
 
 def motion_samples(
@@ -61,5 +57,4 @@ def check_path(path: Float[Array, "T 7"], obstacles: Primitives) -> PathCheck:
     needed = jnp.maximum(CLEARANCE, 0.5 * spacing)
     within = jnp.all((points >= JOINT_LOWER) & (points <= JOINT_UPPER), axis=1)
     good = (obstacle >= needed) & (own > 0.0) & within
-    first_fault = jnp.min(jnp.where(good, SAMPLES, jnp.arange(SAMPLES)))
-    return PathCheck(jnp.all(good), jnp.min(obstacle), first_fault / SAMPLES)
+    return PathCheck(jnp.all(good), jnp.min(obstacle))

@@ -57,8 +57,8 @@ def along(
 class Trajectory:
     """Joint positions [rad] at N equal steps of time, from rest to rest in `duration` [s]."""
 
-    q: Float[Array, "*batch N 7"]
-    duration: Float[Array, "*batch"]
+    q: Float[Array, "*batch N 7"] | Float[np.ndarray, "*batch N 7"]
+    duration: Float[Array, "*batch"] | Float[np.ndarray, "*batch"]
 
 
 def retime(path: Float[Array, "T 7"], count: int = 256) -> Trajectory:
