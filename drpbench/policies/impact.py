@@ -16,7 +16,7 @@ After the paper's "IMPACT" section and its table of hyperparameters. Where the p
 """
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import jax.numpy as jnp
@@ -30,6 +30,7 @@ from .chunks import CHUNK, FLOOR, RAMP
 from .layers import attention, dot_general, greatest
 from .set_abstraction import group
 
+SCENE_POINTS, ROBOT_POINTS = 2048, 256  # of an observation
 Parameters = dict[str, Any]
 """A nested dict of float32 arrays."""
 
@@ -53,6 +54,17 @@ class ImpactSize:
     heads: int = 8
     encoder_layers: int = 6
     decoder_layers: int = 6
+
+    def __post_init__(self):
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if min(value if isinstance(value, tuple) else (value,)) <= 0:
+                raise ValueError(f"{field.name} must be positive, not {value}")
+        for used, all_of_them in (("scene_points", SCENE_POINTS), ("robot_points", ROBOT_POINTS)):
+            if all_of_them % getattr(self, used):
+                raise ValueError(f"{used} must divide {all_of_them}, not be {getattr(self, used)}")
+        if self.width % self.heads:
+            raise ValueError(f"width {self.width} is not a multiple of heads {self.heads}")
 
 
 FULL = ImpactSize()
@@ -280,6 +292,11 @@ def _form(size: ImpactSize, dtype: str):
     """The network without its numbers."""
     network = nnx.eval_shape(lambda: ImpactNetwork(size, nnx.Rngs(0), jnp.dtype(dtype)))
     return nnx.split(network, nnx.Param)
+
+
+def shapes(size: ImpactSize) -> dict[str, Any]:
+    """The tree of the parameters, with a shape and type in place of each array."""
+    return nnx.to_pure_dict(_form(size, "float32")[1])
 
 
 def apply(
