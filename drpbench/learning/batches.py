@@ -31,7 +31,7 @@ from .demonstrations import Demonstrations
 
 NEAR = RAMP / float(VELOCITY_LIMIT.min())  # [s at the velocity limits]
 TAU = NEAR / SPEED  # [s]
-BESIDE = 0.06  # [rad] standard deviation of the largest offsets from the path
+BESIDE = 0.03  # [rad] standard deviation of the largest offsets from the path
 AT_REST = 0.08  # share of samples at the end of a path
 DENSITY_SPREAD = 0.8  # of the logarithm of how densely each obstacle is seen
 

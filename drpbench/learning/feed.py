@@ -14,7 +14,7 @@ from typing import Protocol
 import jax
 import numpy as np
 
-from .demonstrations import DataError, Demonstrations, join, read
+from .demonstrations import DataError, Demonstrations, join, read, read_manifest
 from .production import SHARD, Production
 
 _BLOCK = 256  # demonstrations that replace older ones at once
@@ -22,6 +22,9 @@ _BLOCK = 256  # demonstrations that replace older ones at once
 
 class Feed(Protocol):
     """A source of demonstrations."""
+
+    about: str
+    """In words, for a model card."""
 
     def begin(self) -> Demonstrations:
         """The first ones, on the host."""
@@ -37,6 +40,12 @@ class Folder:
 
     def __init__(self, folder: Path):
         self._demonstrations = read(folder)
+        counts = read_manifest(folder)["shards"].values()
+        drawn, obstructed = (sum(row[name] for row in counts) for name in ("drawn", "obstructed"))
+        self.about = (
+            f"{self._demonstrations.count} expert paths, {obstructed} of them to goals out of reach; "
+            f"of {drawn} problems drawn"
+        )
 
     def begin(self) -> Demonstrations:
         return self._demonstrations
@@ -63,6 +72,10 @@ class Stream:
         self._next = 0  # where the next block goes
         self.made = 0
         """Demonstrations so far."""
+
+    @property
+    def about(self) -> str:
+        return f"{self.made} expert paths, made while training, the newest {self._capacity} kept"
 
     def __enter__(self) -> Stream:
         self._thread.start()

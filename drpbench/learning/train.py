@@ -14,9 +14,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 
+from drpbench.evaluation.run import device_name
 from drpbench.policies.impact import SIZES
 from drpbench.policies.impact_policy import Impact
 from drpbench.policies.weights import save
@@ -78,6 +78,8 @@ def train(run: Run, feed: Feed, told: Callable[[Progress, Run], None]) -> Progre
     state = training.begin()
     if run.resume:
         state = checkpoints.load(state)
+        if int(state.step) >= run.settings.steps:
+            raise TrainingError(f"{run.out}: all {run.settings.steps} steps were done before")
     lines = history.rewind(int(state.step))
     spent = lines[-1].seconds if lines else 0.0
     demonstrations = training.resident(feed.begin())
@@ -114,11 +116,10 @@ def train(run: Run, feed: Feed, told: Callable[[Progress, Run], None]) -> Progre
         told(line, run)
         if last or upto % run.checkpoint_every == 0:
             checkpoints.save(state)
-            ship(run, state, line, device=jax.devices()[0].device_kind)
+            ship(run, state, history.read(), feed)
         demonstrations = feed.refresh(demonstrations)
     checkpoints.close()
-    if not (lines := history.read()):
-        raise TrainingError(f"{run.out}: all {run.settings.steps} steps were done before")
+    lines = history.read()
     with contextlib.suppress(ImportError):  # the picture needs matplotlib; the CSV has all of it
         plot(lines, run.out / "history.png")
     return lines[-1]
@@ -129,15 +130,22 @@ def policy(run: Run, state: TrainingState) -> Impact:
     return Impact(parameters=state.average, size=SIZES[run.size])
 
 
-def ship(run: Run, state: TrainingState, line: Progress, device: str) -> None:
-    """Writes the weights with a card that says how they were made."""
+def ship(run: Run, state: TrainingState, lines: list[Progress], feed: Feed) -> None:
+    """Writes the weights, with a card that says how they were made."""
+    last = lines[-1]
+    scored = [line for line in lines if line.validated]
     card = {
-        "size": run.size,
-        "training": run.kept() | {"steps done": line.step},
-        "samples": line.samples,
-        "hours": round(line.seconds / 3600.0, 3),
-        "device": device,
-        "loss": line.loss,
+        "data": feed.about,
+        "steps": f"{last.step} of {run.settings.steps}, {last.samples} samples",
+        "hardware": f"{device_name()}, {last.seconds / 3600.0:.2f} h",
+        "scores": "; ".join(
+            f"step {line.step}: {line.succeeded}/{line.validated} validation problems solved"
+            for line in scored[-1:]
+        )
+        or "not validated",
+        "licence": "Apache-2.0",
+        "loss": round(last.loss, 5),
+        "training": run.kept(),
     }
     save(run.out / "weights.safetensors", policy(run, state), card)
 

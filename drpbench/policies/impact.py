@@ -73,15 +73,15 @@ SMALL = ImpactSize(
     scene_tokens=48,
     robot_points=64,
     robot_tokens=8,
-    radius=0.15,
-    samples=32,
-    point_mlp=(32, 32, 64),
+    radius=0.2,
+    samples=16,
+    point_mlp=(32, 64),
     joint_mlp=(64, 128),
     width=64,
     feed_forward=256,
     heads=4,
-    encoder_layers=3,
-    decoder_layers=2,
+    encoder_layers=2,
+    decoder_layers=1,
 )
 """For processors without an accelerator: the same architecture."""
 SIZES = {"full": FULL, "small": SMALL}

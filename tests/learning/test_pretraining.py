@@ -36,6 +36,8 @@ TINY = ImpactSize(
 class Fixed:
     """A feed of demonstrations that are there already."""
 
+    about = "a handful"
+
     def __init__(self, demonstrations):
         self._demonstrations = demonstrations
 
