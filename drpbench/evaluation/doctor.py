@@ -1,9 +1,11 @@
-"""Is this installation sound? Versions, the device, and a self-test of the collision verdict.
+"""Is this installation sound? Versions, the device, and self-tests of verdict and network.
 
 The self-test puts a box, a cylinder and a sphere onto every link but the immovable base, in several
 configurations, and asks the compiled world's own contact function; a link that goes unseen, or a
 clearance that differs from the one computed in plain numpy, fails it. Benchmarks have reported arms
 that pass through obstacles for months because nothing looked.
+
+A second one asks IMPACT's set abstraction for neighbourhoods and looks whether they are the right ones.
 """
 
 from dataclasses import dataclass, field
@@ -15,6 +17,7 @@ import numpy as np
 from drpbench.compile import jit
 from drpbench.envs import contact
 from drpbench.geometry import SHAPES, Primitives
+from drpbench.policies.set_abstraction import check_neighbourhoods
 from drpbench.problems import ProblemSetError, counts, load
 from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER, LINKS, link_poses, moving_spheres
 
@@ -48,6 +51,9 @@ def examine() -> Report:
     except ProblemSetError as error:
         report.checks.append(("problems", False, str(error)))
     report.checks += _see_every_link()
+    fault = check_neighbourhoods()
+    detail = "as counted by hand" if fault is None else fault
+    report.checks.append(("point neighbourhoods", fault is None, detail))
     return report
 
 
