@@ -8,12 +8,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from drpbench.compile import jit
+from drpbench.geometry import Primitives, quaternion_to_matrix
 from drpbench.learning import ik
+from drpbench.learning.path_check import CLEARANCE
+from drpbench.learning.pose_goals import nearest_goal
+from drpbench.problems.checker import sphere_checker
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, PANDA_XML
 
 from ..scenes import postures
 
 SEEDS = 8
+SCENE = ("kind", "half_size", "position", "quaternion")
 
 
 def mujoco_poses(q):
@@ -97,12 +102,43 @@ def test_the_same_key_gives_the_same_answer(solve, reachable):
 
 @pytest.mark.parametrize("angle", [0.0, 1e-5, 0.3, 2.0, np.pi - 1e-2, np.pi - 1e-4, np.pi])
 def test_rotation_vectors_are_scipys(angle):
+    rotation_vector = jax.jit(ik.rotation_vector)
     rng = np.random.default_rng(0)
     for _ in range(20):
         axis = rng.normal(size=3)
         axis /= np.linalg.norm(axis)
         matrix = Rotation.from_rotvec(angle * axis).as_matrix()
-        found = np.asarray(ik.rotation_vector(jnp.asarray(matrix, jnp.float32)), float)
+        found = np.asarray(rotation_vector(jnp.asarray(matrix, jnp.float32)), float)
         assert np.linalg.norm(found) == pytest.approx(angle, abs=2e-3)
         left = Rotation.from_rotvec(found) * Rotation.from_matrix(matrix).inv()
         assert left.magnitude() < 2e-3
+
+
+def test_goals_for_poses_are_free_where_the_furniture_leaves_a_way(drawn):
+    free = [one for one in drawn if not one.obstructed]
+
+    def stack(name):
+        return np.stack([getattr(one, name) for one in free])
+
+    rotation = np.asarray(quaternion_to_matrix(jnp.asarray(stack("quaternion"))))
+    scenes = Primitives(
+        stack("kind"), stack("half_size"), stack("position"), rotation, stack("mask")
+    )
+    positions, matrices = mujoco_poses(stack("goal"))
+    keys = jax.random.split(jax.random.key(0), len(free))
+    compiled = jit(jax.vmap(nearest_goal))
+
+    def goals(positions):
+        wanted = jnp.asarray(quaternions(matrices), jnp.float32)
+        found = compiled(scenes, stack("start"), jnp.asarray(positions, jnp.float32), wanted, keys)
+        return map(np.asarray, found)
+
+    q, there = goals(positions)
+    assert there.all()
+    assert np.abs(mujoco_poses(q)[0] - positions).max() < 1.1 * ik.POSITION_TOLERANCE
+    checker, clear = sphere_checker(0.02), []
+    for one, row in zip(free, q, strict=True):
+        checker.set_obstacles(*(getattr(one, name)[one.mask] for name in SCENE))
+        clear.append(checker.clearance(row) >= CLEARANCE - 1e-4)
+    assert np.mean(clear) > 0.8
+    assert not list(goals(positions + [0.0, 0.0, 2.0]))[1].any()
