@@ -19,6 +19,7 @@ import functools
 from dataclasses import dataclass, fields
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import nnx
@@ -28,7 +29,7 @@ from drpbench.robot import JOINT_LOWER, JOINT_UPPER
 
 from .chunks import CHUNK, FLOOR, RAMP
 from .layers import attention, dot_general, greatest
-from .set_abstraction import group
+from .set_abstraction import farthest_points, gather, in_pieces, neighbourhoods
 
 SCENE_POINTS, ROBOT_POINTS = 2048, 256  # of an observation
 Parameters = dict[str, Any]
@@ -126,16 +127,26 @@ class PointTokens(nnx.Module):
         self.dtype = dtype
 
     def __call__(self, points: Float[Array, "*batch N 3"], mask: Bool[Array, "*batch N"]):
-        centers, x = group(points, mask, self.tokens, self.radius, self.samples)
-        x = x.astype(self.dtype)
-        for layer in self.point_mlp[:-1]:
-            x = nnx.relu(layer(x))
-        # ReLU keeps order, so it may follow the maximum.
-        pooled = nnx.relu(greatest(self.point_mlp[-1](x)))
+        batch = mask.shape[:-1]
+        points, mask = points.reshape(-1, *points.shape[-2:]), mask.reshape(-1, mask.shape[-1])
+        centers = gather(points, farthest_points(points, mask, self.tokens))
+        pooled = in_pieces(self._pooled, self.tokens * self.samples, points, mask, centers)
+        # Else XLA on the CPU computes the neighbourhoods again for parts of what follows.
+        pooled = jax.lax.optimization_barrier(pooled)
         tokens = self.out(nnx.relu(self.norm(self.hidden(pooled))))
         tokens = tokens + positional_encoding(centers, tokens.shape[-1]).astype(tokens.dtype)
         # A cloud without points is told by tokens of zeros.
-        return jnp.where(mask.any(axis=-1)[..., None, None], tokens, 0.0)
+        tokens = jnp.where(mask.any(axis=-1)[..., None, None], tokens, 0.0)
+        return tokens.reshape(*batch, *tokens.shape[1:])
+
+    def _pooled(self, points, mask, centers):
+        """The shared MLP and its maximum over each neighbourhood."""
+        x = neighbourhoods(points, mask, centers, self.radius, self.samples)
+        x = jax.lax.optimization_barrier(x.astype(self.dtype))
+        for layer in self.point_mlp[:-1]:
+            x = nnx.relu(layer(x))
+        # ReLU keeps order, so it may follow the maximum.
+        return nnx.relu(greatest(self.point_mlp[-1](x)))
 
 
 class Attention(nnx.Module):

@@ -8,12 +8,15 @@ shared by all points looks at them relative to their centre, and a maximum over 
 Tokens of relative coordinates know nothing of where they are: the caller adds the centre's position.
 """
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 _BITS = 32
+_PIECE = 8192  # neighbours at a time
 
 
 def farthest_points(
@@ -94,20 +97,36 @@ def gather(points: Float[Array, "*batch N C"], index: Int[Array, "..."]) -> Floa
     return flat.reshape(*batch, *groups, points.shape[-1])
 
 
-def group(
+def neighbourhoods(
     points: Float[Array, "*batch N 3"],
     mask: Bool[Array, "*batch N"],
-    count: int,
+    centers: Float[Array, "*batch K 3"],
     radius: float,
     samples: int,
-) -> tuple[Float[Array, "*batch {count} 3"], Float[Array, "*batch {count} {samples} 3"]]:
-    """Centres [m], and their neighbourhoods relative to them, in radii: within [-1, 1].
+) -> Float[Array, "*batch K {samples} 3"]:
+    """Each centre's neighbours relative to it, in radii: within [-1, 1].
 
-    A cloud without points gives `count` groups of its index 0, all finite.
+    Finite for a cloud without points too, if its centres are its index 0.
     """
-    centers = gather(points, farthest_points(points, mask, count))
     index = ball_query(points, mask, centers, radius, samples)
-    return centers, (gather(points, index) - centers[..., None, :]) / radius
+    return (gather(points, index) - centers[..., None, :]) / radius
+
+
+def in_pieces(function: Callable, neighbours: int, *clouds: Array) -> Array:
+    """`function` of clouds (batch, ...), some clouds at a time on the CPU; `neighbours` counts a cloud's.
+
+    What all neighbours of a batch become is far larger than any cache, and XLA on the CPU takes new
+    memory for it at each call: a few clouds at a time are up to five times faster. So is computing it
+    again for the gradient rather than keeping it. An accelerator takes the batch whole.
+    """
+    batch = clouds[0].shape[0]
+    most = max(1, _PIECE // neighbours)
+    size = max(n for n in range(1, min(most, batch) + 1) if batch % n == 0)
+    if jax.default_backend() != "cpu" or size == batch:
+        return function(*clouds)
+    pieces = [cloud.reshape(batch // size, size, *cloud.shape[1:]) for cloud in clouds]
+    found = jax.lax.map(lambda piece: jax.checkpoint(function)(*piece), pieces)
+    return found.reshape(batch, *found.shape[2:])
 
 
 def check_neighbourhoods() -> str | None:

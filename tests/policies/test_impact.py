@@ -80,6 +80,9 @@ def test_the_small_network_is_the_same_architecture():
     deep = jax.eval_shape(lambda: initial(FULL))
     deep["encoder"] = {i: deep["encoder"][i] for i in range(SMALL.encoder_layers)}
     deep["decoder"] = {i: deep["decoder"][i] for i in range(SMALL.decoder_layers)}
+    for cloud in ("scene", "robot"):
+        layers = deep[cloud]["point_mlp"]
+        deep[cloud]["point_mlp"] = {i: layers[i] for i in range(len(SMALL.point_mlp))}
     small = jax.eval_shape(lambda: initial(SMALL))
     assert jax.tree.structure(small) == jax.tree.structure(deep)
     assert count(SMALL) < 0.1 * count(FULL)

@@ -9,7 +9,9 @@ from drpbench.policies.set_abstraction import (
     ball_query,
     check_neighbourhoods,
     farthest_points,
-    group,
+    gather,
+    in_pieces,
+    neighbourhoods,
 )
 
 
@@ -94,32 +96,49 @@ def test_every_bit_of_a_word_is_found():
     np.testing.assert_array_equal(all_of_them[0], np.arange(70))
 
 
-def test_groups_are_relative_and_in_radii():
+def test_neighbourhoods_are_relative_and_in_radii():
     points, mask = clouds("masked", 512)
-    centers, around = jax.jit(group, static_argnums=(2, 3, 4))(points, mask, 16, 0.2, 32)
-    chosen = jax.jit(farthest_points, static_argnums=2)(points, mask, 16)
-    np.testing.assert_array_equal(centers, jnp.take_along_axis(points, chosen[..., None], axis=1))
-    assert float(jnp.abs(around).max()) <= 1.0
+    centers = points[:, :160:10]
+    around = jax.jit(neighbourhoods, static_argnums=(3, 4))(points, mask, centers, 0.2, 32)
     for i in range(3):
         for k in range(16):
-            near = slow_ball(points[i], mask[i], np.asarray(centers[i, k]), 0.2, 32)
-            expected = (points[i][near] - np.asarray(centers[i, k])) / 0.2
+            near = slow_ball(points[i], mask[i], centers[i, k], 0.2, 32)
+            expected = (points[i][near] - centers[i, k]) / 0.2
             np.testing.assert_allclose(around[i, k], expected, atol=1e-6)
 
 
 def test_batched_clouds_are_single_clouds():
-    points, mask = clouds("masked", 100)
-    points, mask = jnp.asarray(points), jnp.asarray(mask)
-    centers, around = group(points[:, None], mask[:, None], 8, 0.2, 16)
-    single = jax.vmap(lambda p, m: group(p, m, 8, 0.2, 16))(points, mask)
-    np.testing.assert_array_equal(centers[:, 0], single[0])
-    np.testing.assert_array_equal(around[:, 0], single[1])
+    points, mask = map(jnp.asarray, clouds("masked", 100))
+
+    def tokens(points, mask):
+        chosen = farthest_points(points, mask, 8)
+        return chosen, neighbourhoods(points, mask, gather(points, chosen), 0.2, 16)
+
+    together = tokens(points[:, None], mask[:, None])
+    single = jax.vmap(tokens)(points, mask)
+    np.testing.assert_array_equal(together[0][:, 0], single[0])
+    np.testing.assert_array_equal(together[1][:, 0], single[1])
 
 
-def test_a_cloud_without_points_gives_finite_groups():
-    points, mask = np.zeros((64, 3), np.float32), np.zeros(64, bool)
-    centers, around = group(jnp.asarray(points), jnp.asarray(mask), 8, 0.1, 16)
-    assert np.isfinite(centers).all() and np.isfinite(around).all()
+def test_a_cloud_without_points_gives_finite_neighbourhoods():
+    points, mask = jnp.zeros((64, 3)), jnp.zeros(64, bool)
+    centers = gather(points, farthest_points(points, mask, 8))
+    assert np.isfinite(neighbourhoods(points, mask, centers, 0.1, 16)).all()
+
+
+@pytest.mark.parametrize("batch", [1, 6, 7])
+@pytest.mark.parametrize("neighbours", [1, 3000, 10**6])
+def test_pieces_are_the_whole_and_so_is_their_gradient(batch, neighbours):
+    x, y = jax.random.normal(jax.random.key(0), (2, batch, 5, 3))
+
+    def function(x, y):
+        return jnp.sin(x @ jnp.swapaxes(y, -1, -2))
+
+    found, pull = jax.vjp(lambda x, y: in_pieces(function, neighbours, x, y), x, y)
+    expected, pull_whole = jax.vjp(function, x, y)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    for a, b in zip(pull(found), pull_whole(found), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-5)
 
 
 def test_this_machine_finds_the_right_neighbourhoods():
