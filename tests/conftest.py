@@ -9,6 +9,7 @@ install_import_hook(
         "drpbench.envs",
         "drpbench.policies",
         "drpbench.baselines",
+        "drpbench.learning",
     ],
     "beartype.beartype",
 )
