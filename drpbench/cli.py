@@ -42,6 +42,7 @@ def _is_about_input(error: ValueError) -> bool:
         "CheckpointError",
         "DataError",
         "LeaderboardError",
+        "PolicyError",
         "ProblemSetError",
         "RefereeError",
         "ResultsError",
@@ -99,7 +100,7 @@ def default_out(policy: str, tasks: list[str], resume: bool) -> Path:
     To resume, the latest that is unfinished.
     """
     tag = "all" if len(tasks) == len(TASK_NAMES) else "-".join(tasks)
-    policy = policy.replace("/", "_").replace(":", "-")  # a policy may name a file of weights
+    policy = policy.replace("/", "_").replace(":", "-")  # a policy may name a file or a module
     names = [Path("runs") / f"{policy}-{tag}.json"]
     while names[-1].exists():
         names.append(Path("runs") / f"{policy}-{tag}-{len(names) + 1}.json")
@@ -112,7 +113,16 @@ def default_out(policy: str, tasks: list[str], resume: bool) -> Path:
 @app.command()
 def run(
     task: Annotated[str, typer.Option(help="One task, several (FDO,DGB) or all.")] = "all",
-    policy: Annotated[str, typer.Option(help="A policy; `drpbench list` shows them.")] = "rmp",
+    policy: Annotated[
+        str,
+        typer.Option(
+            help="A policy of `drpbench list`, or your own: my_package.my_module:MyPolicy."
+        ),
+    ] = "rmp",
+    policy_arg: Annotated[
+        list[str] | None,
+        typer.Option(help="A parameter of the policy, NAME=VALUE; may be given again."),
+    ] = None,
     problems: Annotated[
         str | None, typer.Option(help="How many of each task, or which: 20, 3,17 or 0-9.")
     ] = None,
@@ -156,6 +166,7 @@ def run(
     default = LANES if jax.default_backend() == "cpu" else 2048
     request = Request(
         policy=policy,
+        policy_arguments=policy_arg or (),
         problems=wanted,
         out=out,
         seed=seed,
@@ -199,6 +210,7 @@ def list_() -> None:
     from rich.console import Console
 
     from drpbench.envs import TASKS
+    from drpbench.evaluation.imported import installed
     from drpbench.evaluation.registry import POLICIES, WRAPPERS
     from drpbench.problems import counts
     from drpbench.terminal import listing
@@ -206,6 +218,8 @@ def list_() -> None:
     sizes = counts()
     tasks = [(name, f"{task.title}, {sizes[name]} problems") for name, task in TASKS.items()]
     policies = [(name, about) for name, (_, about) in POLICIES.items()]
+    policies += [(name, f"installed: {entry.value}") for name, entry in installed().items()]
+    policies += [("module:Class", "yours, by import path (docs/your-policy.md)")]
     policies += [(f"…+{name}", about) for name, (_, about) in WRAPPERS.items()]
     Console().print(listing({"Tasks": tasks, "Policies": policies}))
 

@@ -1,12 +1,16 @@
 """Policies by name."""
 
-from collections.abc import Callable
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 from drpbench.baselines import Rmp
 from drpbench.policies import DcpRmp, Hold, Policy, Straight
+
+from .arguments import read, settings
+from .errors import UnknownPolicy
+from .imported import built, check, find, installed, offered
 
 
 def _impact(weights: str | Path = "impact") -> Policy:
@@ -38,29 +42,73 @@ WRAPPERS: dict[str, tuple[Callable[[Policy], Policy], str]] = {
 }
 
 
-class UnknownPolicy(ValueError):
-    """No policy of that name; the message lists those there are."""
+@dataclass(frozen=True)
+class Choice:
+    """A policy ready to run, and the parameters that a result's header states of it."""
+
+    policy: Any
+    parameters: dict[str, float | int | str | bool]
 
 
-def make(name: str) -> Policy:
+def make(name: str) -> Any:
+    """The policy that `name` describes, with its own parameters; see `choose`."""
+    return choose(name).policy
+
+
+def choose(name: str, arguments: Sequence[str] = ()) -> Choice:
     """The policy that `name` describes: `rmp`; with wrappers, `straight+dcp-rmp`; with a file of weights,
-    `impact:weights.safetensors`. Raises UnknownPolicy or WeightsError."""
-    base, colon, rest = name.partition(":")
-    if colon:
-        # A path may hold a plus; what is no wrapper at its end belongs to it.
-        file, wrappers = rest, []
-        while (split := file.rpartition("+"))[2] in WRAPPERS:
-            file, wrappers = split[0], [split[2], *wrappers]
-        if base not in FROM_FILE:
-            raise UnknownPolicy(
-                f"{base!r} takes no file of weights; those that do: {', '.join(FROM_FILE)}"
-            )
-        policy = FROM_FILE[base](Path(file))
+    `impact:weights.safetensors`; yours by import path, `my_package.my_module:MyPolicy`, or by the name
+    under which your installed package offers it.
+
+    `arguments` are keyword parameters for the policy itself, each as "name=value".
+
+    Raises PolicyError or WeightsError, each one line.
+    """
+    base, wrappers = _split(name)
+    kind, _, rest = base.partition(":")
+    if ":" in base and kind in FROM_FILE:
+        factory, fixed = FROM_FILE[kind], {"weights": Path(rest)}
+    elif ":" in base and (kind in POLICIES or kind in installed()):
+        raise UnknownPolicy(
+            f"{kind!r} takes no file of weights; those that do: {', '.join(FROM_FILE)}"
+        )
+    elif ":" in base:
+        return _theirs(base, find(base), arguments, wrappers)
+    elif base in POLICIES:
+        factory, fixed = POLICIES[base][0], {}
+    elif base in installed():
+        return _theirs(base, offered(installed()[base]), arguments, wrappers)
     else:
-        base, *wrappers = name.split("+")
-        if base not in POLICIES:
-            raise UnknownPolicy(f"no policy {base!r}; there are: {', '.join(POLICIES)}{_over()}")
-        policy = POLICIES[base][0]()
+        known = ", ".join([*POLICIES, *installed()])
+        raise UnknownPolicy(f"no policy {base!r}; there are: {known}{_over()}")
+    chosen = read(base, factory, arguments, fixed)
+    policy = _wrapped(factory(**fixed, **chosen), wrappers)
+    return Choice(policy, parameters(policy))
+
+
+def _split(name: str) -> tuple[str, list[str]]:
+    """`straight+dcp-rmp` as its policy and what goes over it, innermost first."""
+    if ":" in name:
+        # A path may hold a plus; what is no wrapper at its end belongs to it.
+        base, wrappers = name, []
+        while (split := base.rpartition("+"))[2] in WRAPPERS:
+            base, wrappers = split[0], [split[2], *wrappers]
+        return base, wrappers
+    base, *wrappers = name.split("+")
+    return base, wrappers
+
+
+def _theirs(name: str, factory: Callable, arguments: Sequence[str], wrappers: list[str]) -> Choice:
+    chosen = read(name, factory, arguments)
+    policy = built(name, factory, chosen)
+    check(name, policy)
+    own = parameters(policy) if is_dataclass(policy) else settings(factory, chosen)
+    inner = "policy." * len(wrappers)
+    wrapped = _wrapped(policy, wrappers)
+    return Choice(wrapped, parameters(wrapped) | {inner + key: own[key] for key in own})
+
+
+def _wrapped(policy: Any, wrappers: list[str]) -> Any:
     for wrapper in wrappers:
         if wrapper not in WRAPPERS:
             raise UnknownPolicy(
@@ -78,7 +126,7 @@ def _over() -> str:
 def parameters(policy: Any, prefix: str = "") -> dict[str, float | int | str | bool]:
     """Every scalar setting of a policy, by dotted name, for a result's header."""
     found: dict[str, float | int | str | bool] = {}
-    for field in fields(policy):
+    for field in fields(policy) if is_dataclass(policy) else ():
         value = getattr(policy, field.name)
         if is_dataclass(value):
             found |= parameters(value, f"{prefix}{field.name}.")

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.envs import CONTROL_STEPS, Problem, State, Task, World
+from drpbench.envs import CONTROL_STEPS, Events, Problem, State, Task, World
 from drpbench.geometry import Primitives, quaternion_to_matrix
 from drpbench.policies import Policy
 from drpbench.problems import ProblemSet
@@ -68,6 +68,29 @@ def instance_key(seed: int, task: str, id: jax.Array, stream: int) -> jax.Array:
     """The random stream of one instance: 0 is the world's, 1 the policy's."""
     key = jax.random.fold_in(jax.random.key(seed), zlib.crc32(task.encode()) & 0x7FFFFFFF)
     return jax.random.fold_in(jax.random.fold_in(key, id), stream)
+
+
+def _record(state: State, events: Events) -> dict[str, jax.Array]:
+    """What a trace keeps of one world after one control step."""
+    problem = state.problem
+    turn = events.grip_rotation - quaternion_to_matrix(problem.goal_quaternion)
+    # |R - R_goal|_F = 2 sqrt(2) sin(angle / 2)
+    sine = jnp.sqrt(jnp.sum(turn * turn)) / (2.0 * jnp.sqrt(2.0))
+    return {
+        "joint_position": state.joint_position,
+        "joint_velocity": state.joint_velocity,
+        "grip_position": events.grip_position,
+        "position_error": jnp.linalg.norm(events.grip_position - problem.goal_position),
+        "orientation_error": 2.0 * jnp.arcsin(jnp.minimum(sine, 1.0)),
+        "clearance": events.clearance,
+        "sphere": events.sphere,
+        "self_clearance": events.self_clearance,
+        "finite": events.finite,
+        "mover_position": state.movers.position,
+        "mover_active": state.movers.active,
+        "mover_half_size": state.movers.half_size,
+        "mover_rotation": state.movers.rotation,
+    }
 
 
 class Rollout:
@@ -130,29 +153,7 @@ class Rollout:
             observation = self.world.observe(state, policy.privileged)
             target, carry = policy.act(observation, carry, jax.random.fold_in(key, clock))
             state, events = self.world.step(state, target, clock)
-            problem = state.problem
-            turn = events.grip_rotation - quaternion_to_matrix(problem.goal_quaternion)
-            # |R - R_goal|_F = 2 sqrt(2) sin(angle / 2)
-            sine = jnp.sqrt(jnp.sum(turn * turn)) / (2.0 * jnp.sqrt(2.0))
-            return (
-                state,
-                carry,
-                {
-                    "joint_position": state.joint_position,
-                    "joint_velocity": state.joint_velocity,
-                    "grip_position": events.grip_position,
-                    "position_error": jnp.linalg.norm(events.grip_position - problem.goal_position),
-                    "orientation_error": 2.0 * jnp.arcsin(jnp.minimum(sine, 1.0)),
-                    "clearance": events.clearance,
-                    "sphere": events.sphere,
-                    "self_clearance": events.self_clearance,
-                    "finite": events.finite,
-                    "mover_position": state.movers.position,
-                    "mover_active": state.movers.active,
-                    "mover_half_size": state.movers.half_size,
-                    "mover_rotation": state.movers.rotation,
-                },
-            )
+            return state, carry, _record(state, events)
 
         def step(worlds, clock):
             state, carry, record = jax.vmap(one, in_axes=(0, 0, None))(*worlds, clock)

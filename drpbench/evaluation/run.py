@@ -17,7 +17,7 @@ from drpbench.problems import load
 
 from .journal import Journal
 from .metrics import rows as rows_of
-from .registry import make, parameters
+from .registry import choose
 from .results import Header, Result, Row
 from .rollout import LANES, Rollout, take
 from .trajectories import Trajectories
@@ -38,11 +38,13 @@ class Progress(Protocol):
 
 @dataclass(frozen=True)
 class Request:
-    """What to run. `problems` maps each task, in order, to ids, or None for all of them."""
+    """What to run. `problems` maps each task, in order, to ids, or None for all of them;
+    `policy_arguments` are the policy's own parameters, each as "name=value"."""
 
     policy: str
     problems: Mapping[str, Sequence[int] | None]
     out: Path
+    policy_arguments: Sequence[str] = ()
     seed: int = 0
     batch_size: int = LANES
     resume: bool = False
@@ -71,14 +73,15 @@ def versions() -> dict[str, str]:
 def run(request: Request, progress: Progress) -> Result:
     """Runs what is asked for, or what is left of it, and writes the result file.
 
-    Raises UnknownPolicy, ResultsError or ProblemSetError, before anything is simulated.
+    Raises PolicyError, WeightsError, ResultsError or ProblemSetError, before anything is simulated.
     """
-    policy = make(request.policy)
+    choice = choose(request.policy, request.policy_arguments)
+    policy = choice.policy
     sets = {task: load(task) for task in request.problems}
     first = next(iter(sets.values()))
     header = Header(
         policy=request.policy,
-        policy_parameters=parameters(policy),
+        policy_parameters=choice.parameters,
         privileged=policy.privileged,
         tasks=list(request.problems),
         problem_set=first.name,

@@ -9,6 +9,7 @@ from drpbench.baselines import Rmp
 from drpbench.compile import jit
 from drpbench.evaluation.registry import POLICIES, WRAPPERS, UnknownPolicy, make, parameters
 from drpbench.policies import DcpRmp, Hold, Policy, Straight
+from drpbench.policies.weights import WeightsError, shipped
 
 from ..scenes import observation, postures
 
@@ -21,7 +22,7 @@ def test_names_make_policies():
     assert make("rmp+dcp-rmp+dcp-rmp") == DcpRmp(DcpRmp(Rmp()))
 
 
-@pytest.mark.parametrize("name", ["", "drp", "RMP", "dcp-rmp", "nothing+dcp-rmp"])
+@pytest.mark.parametrize("name", ["", "RMP", "dcp-rmp", "nothing+dcp-rmp"])
 def test_an_unknown_policy_lists_those_there_are(name):
     with pytest.raises(UnknownPolicy) as error:
         make(name)
@@ -58,7 +59,12 @@ def test_parameters_name_every_number():
 @pytest.mark.parametrize("name", NAMES)
 def test_every_policy_keeps_the_protocol(name):
     """A pytree; pure; vmapped with itself shared; targets (7,) float32; a carry whose form never changes."""
-    policy = make(name)
+    try:
+        policy = make(name)
+    except WeightsError as error:
+        if shipped():
+            raise
+        pytest.skip(str(error))
     assert isinstance(policy, Policy) and isinstance(policy.privileged, bool)
     leaves, form = jax.tree.flatten(policy)
     assert jax.tree.unflatten(form, leaves) == policy
