@@ -19,7 +19,6 @@ import functools
 from dataclasses import dataclass, fields
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import nnx
@@ -131,8 +130,6 @@ class PointTokens(nnx.Module):
         points, mask = points.reshape(-1, *points.shape[-2:]), mask.reshape(-1, mask.shape[-1])
         centers = gather(points, farthest_points(points, mask, self.tokens))
         pooled = in_pieces(self._pooled, self.tokens * self.samples, points, mask, centers)
-        # Else XLA on the CPU computes the neighbourhoods again for parts of what follows.
-        pooled = jax.lax.optimization_barrier(pooled)
         tokens = self.out(nnx.relu(self.norm(self.hidden(pooled))))
         tokens = tokens + positional_encoding(centers, tokens.shape[-1]).astype(tokens.dtype)
         # A cloud without points is told by tokens of zeros.
@@ -142,7 +139,7 @@ class PointTokens(nnx.Module):
     def _pooled(self, points, mask, centers):
         """The shared MLP and its maximum over each neighbourhood."""
         x = neighbourhoods(points, mask, centers, self.radius, self.samples)
-        x = jax.lax.optimization_barrier(x.astype(self.dtype))
+        x = x.astype(self.dtype)
         for layer in self.point_mlp[:-1]:
             x = nnx.relu(layer(x))
         # ReLU keeps order, so it may follow the maximum.

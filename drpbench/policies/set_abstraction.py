@@ -15,6 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from drpbench.compile import stored
+
 _BITS = 32
 _PIECE = 8192  # neighbours at a time
 
@@ -109,7 +111,13 @@ def neighbourhoods(
     Finite for a cloud without points too, if its centres are its index 0.
     """
     index = ball_query(points, mask, centers, radius, samples)
-    return (gather(points, index) - centers[..., None, :]) / radius
+    return _apart((gather(points, index) - centers[..., None, :]) / radius)
+
+
+def _apart(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """The same numbers. XLA on the CPU would fuse what makes them into the matrix products that use them,
+    and is several times slower for it."""
+    return stored(x) if jax.default_backend() == "cpu" else x
 
 
 def in_pieces(function: Callable, neighbours: int, *clouds: Array) -> Array:
@@ -123,7 +131,7 @@ def in_pieces(function: Callable, neighbours: int, *clouds: Array) -> Array:
     most = max(1, _PIECE // neighbours)
     size = max(n for n in range(1, min(most, batch) + 1) if batch % n == 0)
     if jax.default_backend() != "cpu" or size == batch:
-        return function(*clouds)
+        return _apart(function(*clouds))
     pieces = [cloud.reshape(batch // size, size, *cloud.shape[1:]) for cloud in clouds]
     found = jax.lax.map(lambda piece: jax.checkpoint(function)(*piece), pieces)
     return found.reshape(batch, *found.shape[2:])
