@@ -185,9 +185,9 @@ def main() -> None:
         f"{torch.get_num_threads()} threads; ms a sample, median of {arguments.repetitions} turns\n"
     )
     print(
-        "| size | batch | here: wall | core | PyTorch: wall | core | PyTorch / here: wall | core |"
+        "| size | batch | PyTorch's neighbourhoods | here: wall | core | PyTorch: wall | core "
+        "| PyTorch / here: wall | core |\n|---|---|---|---|---|---|---|---|---|"
     )
-    print("|---|---|---|---|---|---|---|---|")
     for name in arguments.sizes:
         size = SIZES[name]
         parameters = initial(size)
