@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drpbench import cli_learning
+from drpbench import cli_learning, cli_recording
 from drpbench.refused import Refused
 
 TASK_NAMES = ("SE", "SAO", "FDO", "GB", "DGB")
@@ -44,6 +44,7 @@ def _is_about_input(error: ValueError) -> bool:
         "LeaderboardError",
         "PolicyError",
         "ProblemSetError",
+        "RecordingError",
         "RefereeError",
         "ResultsError",
         "TrainingError",
@@ -321,6 +322,7 @@ def referee(
 
 app.command()(cli_learning.data)
 app.command()(cli_learning.train)
+app.command()(cli_recording.replay)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ MAY_IMPORT = {
     "policies": {"robot", "geometry"},
     "baselines": {"robot", "geometry", "policies"},
     "evaluation": {"robot", "geometry", "envs", "problems", "policies", "baselines"},
+    "recording": {"robot", "geometry", "envs", "problems", "policies", "baselines", "evaluation"},
     "learning": {"robot", "geometry", "envs", "problems", "policies", "baselines", "evaluation"},
 }
 # Of the world, a policy knows only what it is shown, and how often it is asked.

@@ -1,0 +1,129 @@
+"""One episode as it happened: what a recording and a video are made from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from drpbench.compile import jit
+from drpbench.envs import TASKS, Movers, Problem, State, World
+from drpbench.evaluation.rollout import Trace, instance_key, take
+from drpbench.problems import ProblemSet
+
+
+class RecordingError(ValueError):
+    """An episode cannot be recorded or drawn; the message is one line."""
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """The moving boxes, M of them, at N instants; only `active` ones exist. World frame."""
+
+    half_size: np.ndarray  # (N, M, 3) [m]
+    rotation: np.ndarray  # (N, M, 3, 3)
+    position: np.ndarray  # (N, M, 3) [m]
+    active: np.ndarray  # (N, M) bool
+
+    @property
+    def count(self) -> int:
+        """M."""
+        return self.active.shape[1]
+
+    def movers(self, instants: np.ndarray | slice) -> Movers:
+        """The same at chosen instants, for the device. Velocities were not recorded, and are zero."""
+        fields = {f: jnp.asarray(getattr(self, f)[instants]) for f in _FIELDS}
+        return Movers(velocity=jnp.zeros_like(fields["position"]), **fields)
+
+
+_FIELDS = ("half_size", "rotation", "position", "active")
+
+
+@dataclass(frozen=True)
+class Episode:
+    """T control steps are T + 1 instants, the start first; instant k is k/60 s after it.
+
+    An episode whose arm stops being made of finite numbers ends at the instant before.
+    """
+
+    task: str
+    id: int
+    problem: Problem
+    state: State
+    """The world before the first control step."""
+    joint_position: np.ndarray  # (T + 1, 7) [rad]
+    joint_velocity: np.ndarray  # (T + 1, 7) [rad/s], zero at the start
+    boxes: Boxes
+
+    @property
+    def name(self) -> str:
+        """`FDO-00017`: what its files are called."""
+        return f"{self.task}-{self.id:05d}"
+
+    @property
+    def instants(self) -> int:
+        """T + 1."""
+        return len(self.joint_position)
+
+
+def nanoseconds(instant: int) -> int:
+    """Time of an instant since the start [ns]: 60 control steps a second, without drift."""
+    return instant * 10**9 // 60
+
+
+@cache
+def _reset(task: str, seed: int):
+    world = World(TASKS[task])
+    return jit(lambda problem: world.reset(problem, instance_key(seed, task, problem.id, 0)))
+
+
+def episode(
+    task: str, id: int, problems: ProblemSet, seed: int, arrays: Mapping[str, np.ndarray]
+) -> Episode:
+    """The episode of one instance from what was recorded of it.
+
+    `arrays` are those of `evaluation/trajectories.py`. The rest follows from the problem and the run's
+    seed. Raises RecordingError where arrays are missing or not of one number of steps, or begin
+    somewhere else than the problem does.
+    """
+    problem = jax.tree.map(lambda leaf: leaf[0, ...], take(problems, [id]))
+    state = _reset(task, seed)(problem)
+    name = f"the recording of {task} {id}"
+    try:
+        joints = np.asarray(arrays["joint_position"], np.float32)
+        velocity = np.asarray(arrays["joint_velocity"], np.float32)
+        moved = {field: np.asarray(arrays[f"mover_{field}"]) for field in _FIELDS}
+    except KeyError as error:
+        raise RecordingError(f"{name} lacks {error.args[0]}") from None
+    steps = len(velocity)
+    first = {field: np.asarray(getattr(state.movers, field)) for field in _FIELDS}
+    whole = joints.shape == (steps + 1, 7) and velocity.shape == (steps, 7)
+    if not whole or any(moved[f].shape != (steps, *first[f].shape) for f in _FIELDS):
+        raise RecordingError(f"{name} is damaged: its arrays are not of one number of steps")
+    if not np.array_equal(joints[0], problem.start):
+        raise RecordingError(f"{name} does not begin where the problem does")
+    finite = np.isfinite(joints).all(axis=1)
+    end = steps + 1 if finite.all() else int(finite.argmin())
+    boxes = {f: np.concatenate([first[f][None], moved[f]])[:end] for f in _FIELDS}
+    return Episode(
+        task=task,
+        id=id,
+        problem=problem,
+        state=state,
+        joint_position=joints[:end],
+        joint_velocity=np.concatenate([np.zeros((1, 7), np.float32), velocity])[:end],
+        boxes=Boxes(**boxes),
+    )
+
+
+def traced(task: str, id: int, problems: ProblemSet, seed: int, trace: Trace, lane: int) -> Episode:
+    """The episode in one lane of a rollout."""
+    arrays = {
+        "joint_position": np.concatenate([trace.start[None, lane], trace.joint_position[:, lane]]),
+        "joint_velocity": trace.joint_velocity[:, lane],
+    }
+    for field in _FIELDS:
+        arrays[f"mover_{field}"] = getattr(trace, f"mover_{field}")[:, lane]
+    return episode(task, id, problems, seed, arrays)

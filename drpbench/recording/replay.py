@@ -1,0 +1,184 @@
+"""Episodes of a result file once more: as recorded where they were, else run again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from drpbench.envs import TASKS
+from drpbench.evaluation import LANES, Result, Rollout, Row
+from drpbench.evaluation.metrics import rows as rows_of
+from drpbench.evaluation.registry import make
+from drpbench.evaluation.rollout import take
+from drpbench.evaluation.run import device_name, versions
+from drpbench.evaluation.trajectories import load_trajectories
+from drpbench.problems import ProblemSet
+from drpbench.problems import load as load_problems
+
+from .episode import Episode, RecordingError, episode, traced
+from .motion import Motion, motion
+
+# Rounding of what is recomputed is far below.
+_SAME_POSITION, _SAME_ORIENTATION = 1e-3, 5e-3  # [m], [rad]
+
+
+@dataclass(frozen=True)
+class Replay:
+    """An episode of a result, and what is to be said about it: nothing, where it is what the row says."""
+
+    row: Row
+    episode: Episode
+    remark: str | None
+
+
+class Replayer:
+    """Episodes of the result in the file `path`.
+
+    Beside it `path` with suffix .npz is looked for, as `drpbench run --save-trajectories` writes it. What
+    is not in there is run again with the same policy, seed and batch size. `advanced` is told of control
+    steps done. Raises RecordingError where the result's problems are not those of this drpbench.
+    """
+
+    def __init__(
+        self,
+        result: Result,
+        path: Path,
+        advanced: Callable[[int], None] = lambda steps: None,
+    ):
+        self.result, self.recorded, self.advanced = result, path.with_suffix(".npz"), advanced
+        self.problems: dict[str, ProblemSet] = {}
+        for task in result.header.tasks:
+            if task not in TASKS:
+                raise RecordingError(f"{path}: there is no task {task} here; there are: {_tasks()}")
+            self.problems[task] = load_problems(task)
+            if self.problems[task].sha256 != result.header.problem_set_sha256:
+                raise RecordingError(
+                    f"{path}: made on {result.header.problem_set} with checksum "
+                    f"{result.header.problem_set_sha256[:12]}..., the problems here have "
+                    f"{self.problems[task].sha256[:12]}...; run it again"
+                )
+
+    @cached_property
+    def _trajectories(self) -> Mapping[str, Mapping[str, np.ndarray]]:
+        if not self.recorded.is_file():
+            return {}
+        try:
+            return load_trajectories(self.recorded)
+        except ValueError as error:
+            raise RecordingError(str(error)) from None
+
+    def row(self, task: str | None, id: int) -> Row:
+        """The row of an instance; the task may be left out where the result has one only."""
+        tasks = self.result.header.tasks
+        if task is None:
+            if len(tasks) > 1:
+                raise RecordingError(
+                    f"--id {id}: the result has {', '.join(tasks)}; say which with --task"
+                )
+            task = tasks[0]
+        ids = [row.id for row in self.result.rows if row.task == task]
+        if not ids:
+            raise RecordingError(f"the result has no {task}; it has: {', '.join(tasks)}")
+        if id not in ids:
+            raise RecordingError(f"the result has no {task} {id}; it has {_listed(ids)}")
+        return next(row for row in self.result.rows if row.key == (task, id))
+
+    def replay(self, rows: Sequence[Row]) -> list[Replay]:
+        """The episodes of rows of one task, in their order."""
+        missing = [row for row in rows if _key(row) not in self._trajectories]
+        again = self._run_again(missing) if missing else {}
+        return [again[row.id] if row.id in again else self._as_recorded(row) for row in rows]
+
+    def _as_recorded(self, row: Row) -> Replay:
+        arrays = self._trajectories[_key(row)]
+        try:
+            found = episode(
+                row.task, row.id, self.problems[row.task], self.result.header.seed, arrays
+            )
+        except RecordingError as error:
+            raise RecordingError(f"{self.recorded}: {error}") from None
+        if difference := _difference(row, motion(found)):
+            raise RecordingError(
+                f"{self.recorded} does not belong to this result: {row.task} {row.id} {difference}"
+            )
+        return Replay(row, found, None)
+
+    def _run_again(self, rows: Sequence[Row]) -> dict[int, Replay]:
+        header, task = self.result.header, rows[0].task
+        policy = make(header.policy)
+        # XLA's rounding depends on the size of the batch and on the processor; elsewhere it differs anyway.
+        same = device_name() == header.device
+        lanes = max(LANES, header.batch_size) if same else LANES
+        rollout = Rollout(TASKS[task], policy, header.seed, lanes)
+        found: dict[int, Replay] = {}
+        for first in range(0, len(rows), lanes):
+            batch = rows[first : first + lanes]
+            ids = [row.id for row in batch]
+            problems = self.problems[task]
+            trace = rollout.run(take(problems, ids), self.advanced)
+            now = rows_of(task, ids, [row.family for row in batch], trace)
+            for lane, row in enumerate(batch):
+                seen = traced(task, row.id, problems, header.seed, trace, lane)
+                found[row.id] = Replay(row, seen, self._remark(row, now[lane]))
+        return found
+
+    def _remark(self, then: Row, now: Row) -> str | None:
+        """What to say where an episode came out differently when it was run again."""
+        if _outcome(now) == _outcome(then):
+            return None
+        header, here = self.result.header, versions()
+        changed = [
+            f"{name} {header.versions.get(name)} then, {version} now"
+            for name, version in here.items()
+            if version != header.versions.get(name)
+        ]
+        if device_name() != header.device:
+            changed.append(f"{header.device} then, {device_name()} now")
+        why = f" ({'; '.join(changed)})" if changed else ""
+        return (
+            f"{then.task} {then.id} came out differently when run again: {_outcome(then)} in the "
+            f"result, {_outcome(now)} now{why}"
+        )
+
+
+def _outcome(row: Row) -> str:
+    reached = "reached" if row.reached else "not reached"
+    if not row.collided:
+        return f"{reached}, never collided"
+    return f"{reached}, collided at step {row.first_collision_step} with {row.first_collision_link}"
+
+
+def _difference(row: Row, motion: Motion) -> str | None:
+    """How a recorded episode contradicts its row, or None."""
+    if row.status != "ok":
+        return None
+    away, turned = float(motion.position_error[-1]), float(motion.orientation_error[-1])
+    if abs(away - row.position_error) > _SAME_POSITION:
+        return f"ends {away:.3g} m from its goal there, {row.position_error:.3g} m in the row"
+    if abs(turned - row.orientation_error) > _SAME_ORIENTATION:
+        return f"ends {turned:.3g} rad from its goal there, {row.orientation_error:.3g} in the row"
+    if bool(motion.touching.any()) != row.collided:
+        return (
+            "collides there and not in the row"
+            if not row.collided
+            else ("never collides there, and does in the row")
+        )
+    return None
+
+
+def _listed(ids: Sequence[int]) -> str:
+    if len(ids) > 8:
+        return f"{len(ids)} problems from {min(ids)} to {max(ids)}"
+    return ", ".join(map(str, ids))
+
+
+def _tasks() -> str:
+    return ", ".join(TASKS)
+
+
+def _key(row: Row) -> str:
+    return f"{row.task}-{row.id}"

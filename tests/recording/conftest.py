@@ -1,0 +1,62 @@
+"""One short rollout that every test of this room looks at."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from drpbench.envs import TASKS
+from drpbench.evaluation.metrics import rows
+from drpbench.evaluation.registry import parameters
+from drpbench.evaluation.results import Result
+from drpbench.evaluation.rollout import Rollout, take
+from drpbench.evaluation.run import versions
+from drpbench.evaluation.trajectories import Trajectories
+from drpbench.policies import DcpRmp, Straight
+from drpbench.problems import load
+from drpbench.recording import traced
+
+IDS = [3, 17, 150]
+SEED = 5
+
+
+@pytest.fixture(scope="session")
+def rolled():
+    """The blind straight line under DCP-RMP on three problems of FDO: ids, trace, rows, episodes."""
+    policy, problems = DcpRmp(Straight()), load("FDO")
+    trace = Rollout(TASKS["FDO"], policy, SEED, lanes=len(IDS)).run(take(problems, IDS))
+    return SimpleNamespace(
+        ids=IDS,
+        seed=SEED,
+        trace=trace,
+        policy=policy,
+        problems=problems,
+        rows=rows("FDO", IDS, [problems.family[i] for i in IDS], trace),
+        episodes=[traced("FDO", id, problems, SEED, trace, b) for b, id in enumerate(IDS)],
+    )
+
+
+@pytest.fixture
+def stored(rolled, tmp_path):
+    """The same as a result and its trajectories: the result, and the path of its file."""
+    path = tmp_path / "run.json"
+    trajectories = Trajectories(path)
+    trajectories.add("FDO", rolled.ids, rolled.trace)
+    trajectories.finish()
+    header = {
+        "policy": "straight+dcp-rmp",
+        "policy_parameters": parameters(rolled.policy),
+        "privileged": False,
+        "tasks": ["FDO"],
+        "problem_set": rolled.problems.name,
+        "problem_set_sha256": rolled.problems.sha256,
+        "seed": rolled.seed,
+        "precision": "float32",
+        "device": "a processor",
+        "batch_size": 64,
+        "versions": versions(),
+        "platform": "Linux",
+        "created": "2025-01-01T00:00:00+00:00",
+        "problems": {"FDO": rolled.ids},
+        "wall_seconds": 0.0,
+    }
+    return Result(header=header, rows=rolled.rows), path
