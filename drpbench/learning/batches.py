@@ -39,14 +39,14 @@ DENSITY_SPREAD = 0.8  # of the logarithm of how densely each obstacle is seen
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Batch:
-    """B samples: what the network sees, and the chunk it should answer."""
+    """Samples: what the network sees, and the chunk it should answer."""
 
-    scene_points: Float[Array, "B N 3"]
-    scene_mask: Bool[Array, "B N"]
-    robot_points: Float[Array, "B 256 3"]
-    joints: Float[Array, "B 7"]
-    goal: Float[Array, "B 7"]
-    chunk: Float[Array, "B C 7"]
+    scene_points: Float[Array, "*batch N 3"]
+    scene_mask: Bool[Array, "*batch N"]
+    robot_points: Float[Array, "*batch 256 3"]
+    joints: Float[Array, "*batch 7"]
+    goal: Float[Array, "*batch 7"]
+    chunk: Float[Array, "*batch C 7"]
 
 
 def way_left(left: Float[Array, "*batch"], time: Float[Array, "*batch"]) -> Float[Array, "*batch"]:

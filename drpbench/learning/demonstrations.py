@@ -30,24 +30,24 @@ class DataError(ValueError):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Demonstrations:
-    """N solved problems, K obstacle slots, T waypoints. Lengths [m], joints [rad], wxyz.
+    """Solved problems, one or a batch of N, K obstacle slots, T waypoints. Lengths [m], joints [rad], wxyz.
 
     `path` is the expert's, its waypoints at even steps of travel time; `length` is the time [s] that it
     takes at the arm's velocity limits. It ends at `goal` where `reached`, and else as near to it as
     the arm gets without touching. `index` is the problem's number in its stream.
     """
 
-    index: Int[Array, " N"] | Int[np.ndarray, " N"]
-    family: Int[Array, " N"] | Int[np.ndarray, " N"]
-    kind: Int[Array, "N K"] | Int[np.ndarray, "N K"]
-    half_size: Float[Array, "N K 3"] | Float[np.ndarray, "N K 3"]
-    position: Float[Array, "N K 3"] | Float[np.ndarray, "N K 3"]
-    quaternion: Float[Array, "N K 4"] | Float[np.ndarray, "N K 4"]
-    mask: Bool[Array, "N K"] | Bool[np.ndarray, "N K"]
-    goal: Float[Array, "N 7"] | Float[np.ndarray, "N 7"]
-    path: Float[Array, "N T 7"] | Float[np.ndarray, "N T 7"]
-    length: Float[Array, " N"] | Float[np.ndarray, " N"]
-    reached: Bool[Array, " N"] | Bool[np.ndarray, " N"]
+    index: Int[Array, "*batch"] | Int[np.ndarray, "*batch"]
+    family: Int[Array, "*batch"] | Int[np.ndarray, "*batch"]
+    kind: Int[Array, "*batch K"] | Int[np.ndarray, "*batch K"]
+    half_size: Float[Array, "*batch K 3"] | Float[np.ndarray, "*batch K 3"]
+    position: Float[Array, "*batch K 3"] | Float[np.ndarray, "*batch K 3"]
+    quaternion: Float[Array, "*batch K 4"] | Float[np.ndarray, "*batch K 4"]
+    mask: Bool[Array, "*batch K"] | Bool[np.ndarray, "*batch K"]
+    goal: Float[Array, "*batch 7"] | Float[np.ndarray, "*batch 7"]
+    path: Float[Array, "*batch T 7"] | Float[np.ndarray, "*batch T 7"]
+    length: Float[Array, "*batch"] | Float[np.ndarray, "*batch"]
+    reached: Bool[Array, "*batch"] | Bool[np.ndarray, "*batch"]
 
     @property
     def count(self) -> int:

@@ -9,7 +9,7 @@ import itertools
 import queue
 import threading
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import jax
 import numpy as np
@@ -20,6 +20,7 @@ from .production import SHARD, Production
 _BLOCK = 256  # demonstrations that replace older ones at once
 
 
+@runtime_checkable
 class Feed(Protocol):
     """A source of demonstrations."""
 

@@ -27,6 +27,8 @@ from .history import History, Progress, plot
 from .pretraining import Pretraining, Settings, TrainingState
 from .validation import Score, Validation
 
+_MAY_CHANGE = ("steps", "learning_rate")  # when a run is resumed: it goes on along the new schedule
+
 
 class TrainingError(ValueError):
     """A run that cannot begin or go on as asked; the message says what would be right."""
@@ -61,8 +63,8 @@ class Run:
                     f"--{name} {period}: must be a multiple of --report-every {self.report_every}"
                 )
 
-    def kept(self) -> dict[str, Any]:
-        """What must stay the same over interruptions."""
+    def facts(self) -> dict[str, Any]:
+        """All that decides what is learned, as JSON has it."""
         return {"size": self.size, **json.loads(json.dumps(asdict(self.settings)))}
 
 
@@ -79,7 +81,10 @@ def train(run: Run, feed: Feed, told: Callable[[Progress, Run], None]) -> Progre
     if run.resume:
         state = checkpoints.load(state)
         if int(state.step) >= run.settings.steps:
-            raise TrainingError(f"{run.out}: all {run.settings.steps} steps were done before")
+            raise TrainingError(
+                f"{run.out}: all {run.settings.steps} steps were done before; more with --steps"
+            )
+        _continue(run, int(state.step))
     lines = history.rewind(int(state.step))
     spent = lines[-1].seconds if lines else 0.0
     demonstrations = training.resident(feed.begin())
@@ -145,7 +150,8 @@ def ship(run: Run, state: TrainingState, lines: list[Progress], feed: Feed) -> N
         or "not validated",
         "licence": "Apache-2.0",
         "loss": round(last.loss, 5),
-        "training": run.kept(),
+        "schedule": _schedule(run),
+        "training": run.facts(),
     }
     save(run.out / "weights.safetensors", policy(run, state), card)
 
@@ -159,13 +165,31 @@ def _claim(run: Run) -> None:
                 f"{run.out} holds a run: go on with --resume, or name another --out"
             )
         run.out.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(run.kept(), indent=1) + "\n", encoding="utf-8")
+        path.write_text(json.dumps([{"from_step": 0, **run.facts()}], indent=1) + "\n")
         return
     if not path.exists():
         raise TrainingError(f"{run.out} holds no run to resume: leave out --resume")
-    before = json.loads(path.read_text(encoding="utf-8"))
-    for name, value in run.kept().items():
-        if before.get(name) != value:
+    before = json.loads(path.read_text())[-1]
+    for name, value in run.facts().items():
+        if name not in _MAY_CHANGE and before.get(name) != value:
             raise TrainingError(
                 f"{run.out} was begun with {name} {before.get(name)}, not {value}: resume with that"
             )
+
+
+def _continue(run: Run, step: int) -> None:
+    """Notes what is otherwise from this step on."""
+    path = run.out / "settings.json"
+    stretches = json.loads(path.read_text())
+    if any(stretches[-1][name] != value for name, value in run.facts().items()):
+        stretches.append({"from_step": step, **run.facts()})
+        path.write_text(json.dumps(stretches, indent=1) + "\n")
+
+
+def _schedule(run: Run) -> str:
+    """In words, how long and at what rate was trained."""
+    stretches = json.loads((run.out / "settings.json").read_text())
+    return "; then ".join(
+        f"from step {row['from_step']} towards {row['steps']} at {row['learning_rate']:g}"
+        for row in stretches
+    )

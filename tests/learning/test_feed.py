@@ -6,9 +6,10 @@ import pytest
 
 from drpbench.learning import feed as feeds
 from drpbench.learning.demonstrations import DataError
+from drpbench.learning.production import Production
 
 
-class Source:
+class Source(Production):
     """Stands in for the expert: every problem is solved, and its path is its number."""
 
     def __init__(self, demonstrations, fails_at=None):

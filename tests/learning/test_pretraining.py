@@ -15,6 +15,7 @@ from drpbench.learning.checkpoints import CheckpointError
 from drpbench.learning.history import History
 from drpbench.learning.pretraining import Pretraining, Settings
 from drpbench.policies.impact import SIZES, ImpactSize
+from drpbench.policies.weights import card
 
 TINY = ImpactSize(
     scene_points=64,
@@ -105,9 +106,22 @@ def test_runs_are_not_overwritten_mixed_or_invented(tmp_path, demonstrations):
     with pytest.raises(training.TrainingError, match="were done before"):
         training.train(run(out, resume=True), feed, lambda line, run: None)
     kept = json.loads((out / "settings.json").read_text())
-    (out / "settings.json").write_text(json.dumps(kept | {"batch": 17}))
+    (out / "settings.json").write_text(json.dumps([kept[0] | {"batch": 17}]))
     with pytest.raises(training.TrainingError, match="batch 17, not 16"):
         training.train(run(out, resume=True), feed, lambda line, run: None)
+
+
+def test_a_resumed_run_may_go_further_and_says_so(tmp_path, demonstrations):
+    feed, out = Fixed(demonstrations), tmp_path / "run"
+    training.train(run(out), feed, lambda line, run: None)
+    settings = Settings(steps=14, batch=16, warmup=2, learning_rate=5e-4)
+    further = training.Run(
+        out, "tiny", settings, True, report_every=2, checkpoint_every=2, validation_problems=0
+    )
+    assert training.train(further, feed, lambda line, run: None).step == 14
+    assert card(out / "weights.safetensors")["schedule"] == (
+        "from step 0 towards 12 at 0.001; then from step 12 towards 14 at 0.0005"
+    )
 
 
 def test_a_damaged_checkpoint_is_one_clear_error(tmp_path, demonstrations):
