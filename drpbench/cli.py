@@ -124,6 +124,9 @@ def run(
         list[str] | None,
         typer.Option(help="A parameter of the policy, NAME=VALUE; may be given again."),
     ] = None,
+    time_limit: Annotated[
+        float, typer.Option(help="Seconds a policy outside jit may take for a step of its batch.")
+    ] = 10.0,
     problems: Annotated[
         str | None, typer.Option(help="How many of each task, or which: 20, 3,17 or 0-9.")
     ] = None,
@@ -144,6 +147,8 @@ def run(
     names = parse_tasks(task)
     if batch_size is not None and batch_size < 1:
         raise Refused(f"--batch-size {batch_size}: must be at least 1")
+    if not 0.0 < time_limit < float("inf"):
+        raise Refused(f"--time-limit {time_limit:g}: seconds above 0 are meant")
     if not -(2**31) <= seed < 2**31:
         raise Refused(f"--seed {seed}: must fit 32 bits")
     from drpbench.problems import counts
@@ -168,6 +173,7 @@ def run(
     request = Request(
         policy=policy,
         policy_arguments=policy_arg or (),
+        time_limit=time_limit,
         problems=wanted,
         out=out,
         seed=seed,

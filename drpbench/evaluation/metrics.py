@@ -56,7 +56,7 @@ def _smoothness(speed: np.ndarray, finite: bool) -> float | None:
 
 
 def _row(task: str, id: int, family: str, trace: Trace, b: int) -> Row:
-    finite = bool(trace.finite[:, b].all())
+    finite = bool(trace.finite[:, b].all()) and not trace.failure
     turned = trace.orientation_error[:, b] < REACH_ORIENTATION
     at_goal = (trace.position_error[:, b] < REACH_POSITION) & turned
     near_goal = (trace.position_error[:, b] < REACH_POSITION_LOOSE) & turned
@@ -97,6 +97,6 @@ def _row(task: str, id: int, family: str, trace: Trace, b: int) -> Row:
         sparc_joint=_smoothness(joint_steps / CONTROL_PERIOD, finite),
         sparc_ee=_smoothness(grip_steps / CONTROL_PERIOD, finite),
         joint_limit_violation=bool((beyond > LIMIT_TOLERANCE).any()),
-        status="ok" if finite else "nan",
+        status=trace.failure or ("ok" if finite else "nan"),
         valid=bool(trace.valid[b]),
     )

@@ -9,8 +9,10 @@ from drpbench.baselines import Rmp
 from drpbench.policies import DcpRmp, Hold, Policy, Straight
 
 from .arguments import read, settings
-from .errors import UnknownPolicy
-from .imported import built, check, find, installed, offered
+from .errors import PolicyError, UnknownPolicy
+from .host import TIME_LIMIT, Hosted
+from .imported import built, check, find, installed, is_host, offered
+from .remote import Remote
 
 
 def _impact(weights: str | Path = "impact") -> Policy:
@@ -55,12 +57,13 @@ def make(name: str) -> Any:
     return choose(name).policy
 
 
-def choose(name: str, arguments: Sequence[str] = ()) -> Choice:
+def choose(name: str, arguments: Sequence[str] = (), time_limit: float = TIME_LIMIT) -> Choice:
     """The policy that `name` describes: `rmp`; with wrappers, `straight+dcp-rmp`; with a file of weights,
     `impact:weights.safetensors`; yours by import path, `my_package.my_module:MyPolicy`, or by the name
-    under which your installed package offers it.
+    under which your installed package offers it; or that of another process, `remote:127.0.0.1:5555`.
 
-    `arguments` are keyword parameters for the policy itself, each as "name=value".
+    `arguments` are keyword parameters for the policy itself, each as "name=value"; `time_limit` [s] is
+    what a policy outside jit may take for a control step. Such a policy comes as a Hosted.
 
     Raises PolicyError or WeightsError, each one line.
     """
@@ -68,16 +71,20 @@ def choose(name: str, arguments: Sequence[str] = ()) -> Choice:
     kind, _, rest = base.partition(":")
     if ":" in base and kind in FROM_FILE:
         factory, fixed = FROM_FILE[kind], {"weights": Path(rest)}
+    elif ":" in base and kind == "remote":
+        if arguments:
+            raise PolicyError("--policy-arg: a remote policy takes its parameters where it runs")
+        return _remote(rest, wrappers, time_limit)
     elif ":" in base and (kind in POLICIES or kind in installed()):
         raise UnknownPolicy(
             f"{kind!r} takes no file of weights; those that do: {', '.join(FROM_FILE)}"
         )
     elif ":" in base:
-        return _theirs(base, find(base), arguments, wrappers)
+        return _theirs(base, find(base), arguments, wrappers, time_limit)
     elif base in POLICIES:
         factory, fixed = POLICIES[base][0], {}
     elif base in installed():
-        return _theirs(base, offered(installed()[base]), arguments, wrappers)
+        return _theirs(base, offered(installed()[base]), arguments, wrappers, time_limit)
     else:
         known = ", ".join([*POLICIES, *installed()])
         raise UnknownPolicy(f"no policy {base!r}; there are: {known}{_over()}")
@@ -98,14 +105,41 @@ def _split(name: str) -> tuple[str, list[str]]:
     return base, wrappers
 
 
-def _theirs(name: str, factory: Callable, arguments: Sequence[str], wrappers: list[str]) -> Choice:
+def _theirs(
+    name: str,
+    factory: Callable,
+    arguments: Sequence[str],
+    wrappers: list[str],
+    time_limit: float,
+) -> Choice:
     chosen = read(name, factory, arguments)
     policy = built(name, factory, chosen)
     check(name, policy)
     own = parameters(policy) if is_dataclass(policy) else settings(factory, chosen)
-    inner = "policy." * len(wrappers)
-    wrapped = _wrapped(policy, wrappers)
-    return Choice(wrapped, parameters(wrapped) | {inner + key: own[key] for key in own})
+    own = {"policy." * len(wrappers) + key: value for key, value in own.items()}
+    if not is_host(policy):
+        policy = _wrapped(policy, wrappers)
+        return Choice(policy, parameters(policy) | own)
+    return _hosted(policy, lambda: built(name, factory, chosen), wrappers, own, time_limit)
+
+
+def _remote(address: str, wrappers: list[str], time_limit: float) -> Choice:
+    def connect() -> Remote:
+        return Remote(address, time_limit)
+
+    policy = connect()
+    own = {"policy." * len(wrappers) + key: value for key, value in policy.parameters.items()}
+    return _hosted(policy, connect, wrappers, own, time_limit, slack=5.0)
+
+
+def _hosted(policy, build, wrappers, own, time_limit, slack=0.0) -> Choice:
+    """`slack` [s] is for a policy that keeps the limit itself, and should be the one to say so."""
+    hosted = Hosted(policy, build, lambda shown: _wrapped(shown, wrappers), time_limit + slack)
+    over = {
+        key: value for key, value in parameters(hosted.shown).items() if "privileged" not in key
+    }
+    told = {"host.arrays": hosted.arrays, "host.time_limit": time_limit}
+    return Choice(hosted, over | own | told)
 
 
 def _wrapped(policy: Any, wrappers: list[str]) -> Any:

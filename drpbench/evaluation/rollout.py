@@ -41,6 +41,7 @@ class Trace:
     start: np.ndarray  # (B, 7) [rad]
     start_grip: np.ndarray  # (B, 3) [m]
     valid: np.ndarray  # (B,) bool
+    failure: str = ""  # why the policy gave no answer in this batch, if it did not
 
 
 def take(problems: ProblemSet, ids: Sequence[int]) -> Problem:
@@ -70,7 +71,7 @@ def instance_key(seed: int, task: str, id: jax.Array, stream: int) -> jax.Array:
     return jax.random.fold_in(jax.random.fold_in(key, id), stream)
 
 
-def _record(state: State, events: Events) -> dict[str, jax.Array]:
+def record(state: State, events: Events) -> dict[str, jax.Array]:
     """What a trace keeps of one world after one control step."""
     problem = state.problem
     turn = events.grip_rotation - quaternion_to_matrix(problem.goal_quaternion)
@@ -153,7 +154,7 @@ class Rollout:
             observation = self.world.observe(state, policy.privileged)
             target, carry = policy.act(observation, carry, jax.random.fold_in(key, clock))
             state, events = self.world.step(state, target, clock)
-            return state, carry, _record(state, events)
+            return state, carry, record(state, events)
 
         def step(worlds, clock):
             state, carry, record = jax.vmap(one, in_axes=(0, 0, None))(*worlds, clock)

@@ -15,6 +15,8 @@ from drpbench import __version__
 from drpbench.envs import CONTROL_STEPS, TASKS
 from drpbench.problems import load
 
+from .host import TIME_LIMIT, Hosted
+from .host_rollout import HostRollout
 from .journal import Journal
 from .metrics import rows as rows_of
 from .registry import choose
@@ -45,6 +47,7 @@ class Request:
     problems: Mapping[str, Sequence[int] | None]
     out: Path
     policy_arguments: Sequence[str] = ()
+    time_limit: float = TIME_LIMIT  # [s] a control step, for policies outside jit
     seed: int = 0
     batch_size: int = LANES
     resume: bool = False
@@ -75,7 +78,7 @@ def run(request: Request, progress: Progress) -> Result:
 
     Raises PolicyError, WeightsError, ResultsError or ProblemSetError, before anything is simulated.
     """
-    choice = choose(request.policy, request.policy_arguments)
+    choice = choose(request.policy, request.policy_arguments, request.time_limit)
     policy = choice.policy
     sets = {task: load(task) for task in request.problems}
     first = next(iter(sets.values()))
@@ -118,7 +121,8 @@ def _run_task(request, policy, task, problems, wanted, journal, trajectories, pr
     per_batch = CONTROL_STEPS * (2 if TASKS[task].rehearsed else 1)
     progress.begin(task, len(batches) * per_batch, len(wanted) - len(left))
     lanes = max(LANES, request.batch_size)
-    rollout = Rollout(TASKS[task], policy, request.seed, lanes)
+    kind = HostRollout if isinstance(policy, Hosted) else Rollout
+    rollout = kind(TASKS[task], policy, request.seed, lanes)
     for ids in batches:
         began = time.perf_counter()
         trace = rollout.run(take(problems, ids), progress.advance)

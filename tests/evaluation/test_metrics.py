@@ -1,6 +1,7 @@
 """Rows from episodes written by hand."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -195,6 +196,7 @@ def test_rows_are_in_the_order_of_the_ids():
         **{
             name: np.concatenate([value, getattr(far, name)], axis=1 if name in _TIMED else 0)
             for name, value in vars(near).items()
+            if name != "failure"
         }
     )
     first, second = rows("GB", [9, 4], ["table", "box"], both)
@@ -202,7 +204,13 @@ def test_rows_are_in_the_order_of_the_ids():
     assert (second.id, second.family, second.reached) == (4, "box", False)
 
 
-_TIMED = {name for name, value in vars(trace()).items() if value.shape[0] == STEPS}
+def test_a_policy_that_failed_never_reached():
+    (row,) = rows("GB", [9], ["table"], replace(trace(), failure="raised: ValueError: no"))
+    assert row.status == "raised: ValueError: no"
+    assert not row.reached and not row.success and not row.reached_5cm and row.time_to_goal is None
+
+
+_TIMED = {name for name, value in vars(trace()).items() if np.shape(value)[:1] == (STEPS,)}
 
 
 def minimum_jerk(seconds, rate=60.0):

@@ -1,0 +1,231 @@
+"""Remote policies: another process, which may be another environment, asked over a socket.
+
+A message, in both directions (all numbers little-endian):
+
+    4 bytes   b"DRP1"
+    4 bytes   length of the header, unsigned
+    header    JSON: {"kind": ..., "arrays": [{"name": ..., "dtype": "<f4", "shape": [64, 7]}, ...], ...}
+    arrays    their bytes one after the other, row by row
+
+docs/your-policy.md has the conversation; examples/remote_policy.py is the other side of it.
+"""
+
+import json
+import math
+import socket
+import struct
+import time
+from typing import Any
+
+import numpy as np
+
+from .errors import PolicyError
+from .host import RESET_SHARE, Failed, HostObservation
+
+PROTOCOL = 1
+MAGIC = b"DRP1"
+_DTYPES = ("<f4", "<f8", "<i4", "<i8", "|b1")
+_LONGEST_HEADER, _MOST_BYTES = 1 << 20, 1 << 30
+_AGAIN = 0.2  # [s] between two attempts to connect
+
+
+class Garbage(ValueError):
+    """What came is no message of the protocol."""
+
+
+def packed(kind: str, arrays: dict[str, np.ndarray] | None = None, **facts: Any) -> bytes:
+    """One message. Booleans, integers and floats are sent as |b1, <i4 and <f4."""
+    arrays = {name: _plain(array) for name, array in (arrays or {}).items()}
+    described = [
+        {"name": name, "dtype": array.dtype.str, "shape": array.shape}
+        for name, array in arrays.items()
+    ]
+    header = json.dumps({"kind": kind, "arrays": described, **facts}).encode()
+    parts = [MAGIC, struct.pack("<I", len(header)), header]
+    return b"".join(parts + [array.tobytes() for array in arrays.values()])
+
+
+def _plain(array: Any) -> np.ndarray:
+    array = np.asarray(array)
+    return array.astype({"b": "|b1", "i": "<i4", "u": "<i4"}.get(array.dtype.kind, "<f4"))
+
+
+class Connection:
+    """A socket on which whole messages come and go. Raises OSError, TimeoutError or Garbage."""
+
+    def __init__(self, address: str, limit: float):
+        """`address`: host:port, or the path of a Unix socket (with a slash)."""
+        if "/" in address:
+            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            self._socket.settimeout(limit)
+            self._socket.connect(address)
+        else:
+            host, port = _host_and_port(address)
+            self._socket = socket.create_connection((host, port), limit)
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def ask(self, message: bytes, limit: float) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """The answer to a message, its header and arrays, within the limit [s]."""
+        self._deadline = time.monotonic() + limit
+        self._wait()
+        self._socket.sendall(message)
+        start = self._receive(8)
+        if start[:4] != MAGIC:
+            raise Garbage(f"an answer begins with {bytes(start[:4])!r}, not {MAGIC!r}")
+        (length,) = struct.unpack("<I", start[4:])
+        if length > _LONGEST_HEADER:
+            raise Garbage(f"a header of {length} bytes")
+        try:
+            header = json.loads(bytes(self._receive(length)))
+            described = [
+                (str(a["name"]), str(a["dtype"]), tuple(a["shape"]))
+                for a in header.get("arrays", ())
+            ]
+        except (ValueError, TypeError, KeyError, AttributeError):
+            raise Garbage("a header that is not the JSON meant") from None
+        arrays = {}
+        for name, dtype, shape in described:
+            if dtype not in _DTYPES or not all(type(n) is int and n >= 0 for n in shape):
+                raise Garbage(f"an array of {dtype} and shape {shape}")
+            size = math.prod(shape) * np.dtype(dtype).itemsize
+            if size > _MOST_BYTES:
+                raise Garbage(f"an array of {size} bytes")
+            arrays[name] = np.frombuffer(self._receive(size), dtype).reshape(shape)
+        return header, arrays
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _receive(self, count: int) -> bytearray:
+        data, got = bytearray(count), 0
+        while got < count:
+            self._wait()
+            more = self._socket.recv_into(memoryview(data)[got:])
+            if not more:
+                raise ConnectionError("the other side closed the connection")
+            got += more
+        return data
+
+    def _wait(self) -> None:
+        left = self._deadline - time.monotonic()
+        if left <= 0.0:
+            raise TimeoutError
+        self._socket.settimeout(left)
+
+
+def _host_and_port(address: str) -> tuple[str, int]:
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdecimal() or int(port) >= 1 << 16:
+        raise PolicyError(
+            f"remote:{address}: remote:HOST:PORT (remote:127.0.0.1:5555) is meant, or the path of a Unix"
+            " socket (remote:/tmp/policy.sock)"
+        )
+    return host.strip("[]"), int(port)
+
+
+class Remote:
+    """A host policy that lives behind a socket. Keeps its own time, so that it can hang up."""
+
+    arrays = "numpy"
+
+    def __init__(self, address: str, time_limit: float):
+        """Connects at once. Raises PolicyError."""
+        self.address, self.time_limit = address, time_limit
+        self._connection: Connection | None = None
+        hello = self._connect(0.0, time_limit)
+        self.privileged = hello["privileged"]
+        self.parameters = {"remote": hello["name"], **hello["parameters"]}
+
+    def reset(self, observation: HostObservation) -> None:
+        """Raises Failed; PolicyError where a policy that hung or went away does not come back."""
+        limit = RESET_SHARE * self.time_limit
+        if self._connection is None:
+            self._connect(self.time_limit, limit)
+        self._ask("reset", observation, "ready", limit)
+
+    def act(self, observation: HostObservation) -> np.ndarray:
+        """Raises Failed."""
+        return self._ask("act", observation, "targets", self.time_limit)
+
+    def _ask(self, kind: str, observation: HostObservation, wanted: str, limit: float) -> Any:
+        try:
+            header, arrays = self._connection.ask(packed(kind, _arrays(observation)), limit)
+            if header.get("kind") == "error":
+                raise Failed("raised: " + " ".join(str(header.get("message", "")).split())[:200])
+            if header.get("kind") != wanted or (wanted == "targets" and "targets" not in arrays):
+                raise Garbage(f"{header.get('kind')!r} in answer to {kind!r}")
+        except TimeoutError:
+            self._hang_up()
+            raise Failed(f"timeout: {kind} took longer than {limit:g} s") from None
+        except OSError as error:
+            self._hang_up()
+            raise Failed(f"disconnected: {_reason(error)}") from None
+        except Garbage as error:
+            self._hang_up()
+            raise Failed(f"answer: {error}") from None
+        return arrays.get("targets")
+
+    def _connect(self, patience: float, limit: float) -> dict[str, Any]:
+        """Connects and says hello; for `patience` [s] again and again. Raises PolicyError."""
+        name, until = f"remote:{self.address}", time.monotonic() + patience
+        while self._connection is None:
+            try:
+                self._connection = Connection(self.address, limit)
+            except OSError as error:
+                if time.monotonic() >= until:
+                    raise PolicyError(
+                        f"{name}: nobody answers there ({_reason(error)}); start the policy first,"
+                        " as docs/your-policy.md shows"
+                    ) from None
+                time.sleep(_AGAIN)
+        try:
+            header, _ = self._connection.ask(packed("hello", protocol=PROTOCOL), limit)
+            return _checked(header)
+        except TimeoutError:
+            said = f"no answer to hello within {limit:g} s"
+        except OSError as error:
+            said = f"no answer to hello ({_reason(error)})"
+        except Garbage as error:
+            said = f"no drpbench policy: {error}"
+        self._hang_up()
+        raise PolicyError(f"{name}: {said}")
+
+    def _hang_up(self) -> None:
+        self._connection.close()
+        self._connection = None
+
+
+def _arrays(observation: HostObservation) -> dict[str, np.ndarray]:
+    """An observation's arrays by name; those of the obstacle models as `obstacles.position` and so on."""
+    arrays = dict(vars(observation))
+    obstacles = arrays.pop("obstacles")
+    if obstacles is not None:
+        arrays |= {f"obstacles.{name}": array for name, array in vars(obstacles).items()}
+    return arrays
+
+
+def _checked(hello: dict[str, Any]) -> dict[str, Any]:
+    """A hello with everything in it. Raises Garbage."""
+    if hello.get("kind") != "hello" or hello.get("protocol") != PROTOCOL:
+        raise Garbage(
+            f"it says {hello.get('kind')!r} of protocol {hello.get('protocol')!r},"
+            f" not 'hello' of {PROTOCOL}"
+        )
+    found = {
+        "name": hello.get("name", "unnamed"),
+        "privileged": hello.get("privileged", False),
+        "parameters": hello.get("parameters", {}),
+    }
+    wanted = {"name": str, "privileged": bool, "parameters": dict}
+    for key, kind in wanted.items():
+        if not isinstance(found[key], kind):
+            raise Garbage(f"its {key} is no {kind.__name__}")
+    for key, value in found["parameters"].items():
+        plain = isinstance(value, bool | int | float | str)
+        if not plain or (isinstance(value, float) and not math.isfinite(value)):
+            raise Garbage(f"its parameter {key} is no number, bool or string")
+    return found
+
+
+def _reason(error: OSError) -> str:
+    return (error.strerror or str(error) or type(error).__name__).lower()
