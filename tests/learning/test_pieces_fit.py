@@ -5,6 +5,8 @@ timing, weights on disk, the policy, the world. Where two pieces disagree, it fa
 instead of after days of training.
 """
 
+import sys
+
 import jax
 import numpy as np
 import pytest
@@ -86,7 +88,8 @@ def test_what_was_learned_by_heart_is_solved_in_closed_loop(solved, tmp_path, mo
     demonstrations, drawn = solved
     assert len(drawn) == COUNT
     monkeypatch.setitem(SIZES, "slim", SLIM)
-    monkeypatch.setattr("drpbench.evaluation.run.load", lambda task: as_set(drawn))
+    # The package's `run` is the function; its module is meant.
+    monkeypatch.setattr(sys.modules[run.__module__], "load", lambda task: as_set(drawn))
     settings = Settings(steps=1200, batch=128, learning_rate=2e-3, averaging=0.99)
     wanted = training.Run(
         tmp_path / "run",
