@@ -18,6 +18,7 @@ MAY_IMPORT = {
     "evaluation": {"robot", "geometry", "envs", "problems", "policies", "baselines"},
     "recording": {"robot", "geometry", "envs", "problems", "policies", "baselines", "evaluation"},
     "learning": {"robot", "geometry", "envs", "problems", "policies", "baselines", "evaluation"},
+    "gym": {"robot", "geometry", "envs", "problems", "evaluation", "learning"},
 }
 # Of the world, a policy knows only what it is shown, and how often it is asked.
 SHOWN_TO_POLICIES = {"drpbench.envs.Observation", "drpbench.envs.CONTROL_PERIOD"}

@@ -1,0 +1,141 @@
+"""The vector environment: `gymnasium.make_vec("drpbench/FDO-v1", num_envs=64)`."""
+
+from dataclasses import fields
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from jaxtyping import Array, Num
+
+from drpbench.envs import CONTROL_PERIOD, CONTROL_STEPS, TASKS
+
+from .lanes import Lanes, Verdict
+from .served import SOURCES
+from .spaces import action_space, as_dict, observation_space
+
+_OPTIONS = ("id", "reset_mask")
+
+
+class VectorEnv(gymnasium.vector.VectorEnv):
+    """One task, `num_envs` problems at once, in one compiled JAX program.
+
+    Observations are dictionaries of arrays (`drpbench.gym.spaces`), actions absolute joint targets [rad]
+    of shape (num_envs, 7). The reward is 1 for success at the last control step, and 0 otherwise: an
+    episode's return is its success. Nothing terminates an episode before its 1000 control steps; then
+    all lanes are truncated together, and `reset` begins the next problems.
+
+    Args:
+        num_envs: how many problems at once.
+        task: SE, SAO, FDO, GB or DGB.
+        problems: "frozen" for the benchmark's, "training" for others drawn to learn from.
+        run_seed: the seed of `drpbench run`: of point clouds and of how boxes move.
+
+    Raises:
+        ValueError: an argument is not one of those.
+    """
+
+    metadata = {
+        "render_modes": [],
+        "render_fps": round(1.0 / CONTROL_PERIOD),
+        "autoreset_mode": AutoresetMode.DISABLED,
+    }
+
+    def __init__(
+        self, num_envs: int = 1, *, task: str, problems: str = "frozen", run_seed: int = 0
+    ):
+        if num_envs < 1:
+            raise ValueError(f"num_envs={num_envs}: must be at least 1")
+        if task not in TASKS:
+            raise ValueError(f"no task {task!r}; there are: {', '.join(TASKS)}")
+        if problems not in SOURCES:
+            raise ValueError(f"problems={problems!r}: there are: {', '.join(SOURCES)}")
+        if not -(2**31) <= run_seed < 2**31:
+            raise ValueError(f"run_seed={run_seed}: must fit 32 bits")
+        self.num_envs = num_envs
+        self.single_observation_space = observation_space()
+        self.single_action_space = action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._problems = SOURCES[problems](TASKS[task])
+        self._lanes = Lanes(TASKS[task], num_envs, run_seed, self._problems.stream)
+        self._ids: list[int] = []
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Begins an episode in every lane.
+
+        Args:
+            seed: of the order in which problems are served; None goes on in the order begun.
+            options: `{"id": [...]}` names the problem of each lane. `{"reset_mask": [...]}` may only be
+                true everywhere, for all lanes' episodes begin and end together.
+
+        After a rehearsal of SAO, a reset without seed and id begins the second pass: the same problems,
+        now with a box on the path taken.
+
+        Raises:
+            ValueError: an option is unknown, or names no problem.
+        """
+        super().reset(seed=seed)
+        ids = self._asked_for(options or {})
+        if seed is not None:
+            self._problems.restart()
+        if ids is None and seed is None and self._lanes.rehearsed:
+            observation = self._lanes.second_pass()
+        else:
+            self._ids = self._problems.draw(self.np_random, self.num_envs) if ids is None else ids
+            observation = self._lanes.begin(self._problems.take(self._ids))
+        return as_dict(observation), self._info()
+
+    def step(
+        self, actions: Num[np.ndarray, "..."] | Num[Array, "..."]
+    ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """One control step, 1/60 s, in every lane.
+
+        Raises:
+            ValueError: actions are not of shape (num_envs, 7).
+            RuntimeError: the episodes are over, or none was begun.
+        """
+        targets = np.asarray(actions, np.float32)
+        if targets.shape != (self.num_envs, 7):
+            raise ValueError(f"actions have shape {targets.shape}, not {(self.num_envs, 7)}")
+        observation, verdict = self._lanes.step(targets)
+        over = self._lanes.over
+        reward = np.asarray(verdict.success, float) if over else np.zeros(self.num_envs)
+        terminated = np.zeros(self.num_envs, bool)
+        truncated = np.full(self.num_envs, over)
+        return as_dict(observation), reward, terminated, truncated, self._info(verdict)
+
+    def _asked_for(self, options: dict[str, Any]) -> list[int] | None:
+        """The ids that the options name, one a lane."""
+        if unknown := sorted(set(options) - set(_OPTIONS)):
+            raise ValueError(f"no option {unknown[0]!r}; there are: {', '.join(_OPTIONS)}")
+        if not np.all(options.get("reset_mask", True)):
+            raise ValueError(
+                "reset_mask is not true everywhere: all lanes share one clock, and their episodes end "
+                f"together after {CONTROL_STEPS} steps"
+            )
+        if "id" not in options:
+            return None
+        ids = np.asarray(options["id"])
+        shapes = [(self.num_envs,), *([()] if self.num_envs == 1 else [])]
+        if ids.shape not in shapes or not np.issubdtype(ids.dtype, np.integer):
+            count = (
+                "a whole number is" if self.num_envs == 1 else f"{self.num_envs} whole numbers are"
+            )
+            raise ValueError(f"id: {count} meant, one for each environment, not {options['id']!r}")
+        listed = ids.reshape(-1).tolist()
+        self._problems.require(listed)
+        return listed
+
+    def _info(self, verdict: Verdict | None = None) -> dict[str, Any]:
+        """As Gymnasium has it: an array a key, and beside it which lanes have that key."""
+        info = {
+            "id": np.array(self._ids),
+            "rehearsal": np.full(self.num_envs, self._lanes.rehearsal),
+        }
+        if verdict is not None:
+            info |= {f.name: np.array(getattr(verdict, f.name)) for f in fields(verdict)}
+        return info | {f"_{name}": np.ones(self.num_envs, bool) for name in info}

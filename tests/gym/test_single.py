@@ -1,0 +1,65 @@
+"""One environment, as Gymnasium's own checkers see it."""
+
+import subprocess
+import sys
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import drpbench.gym
+from drpbench.envs import TASKS
+
+
+@pytest.fixture(scope="module")
+def env():
+    return gymnasium.make("drpbench/FDO-v1")
+
+
+def test_gymnasiums_checker_finds_nothing_but_the_scale_of_actions(env):
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        check_env(env.unwrapped)
+    # Targets are joint positions [rad]; whoever wants [-1, 1] puts RescaleAction over them.
+    assert all("symmetric and normalized" in str(one.message) for one in told), told
+
+
+def test_rescaled_actions_are_the_joint_range(env):
+    rescaled = gymnasium.wrappers.RescaleAction(env, np.float32(-1.0), np.float32(1.0))
+    rescaled.reset(options={"id": 3})
+    moved, *_ = rescaled.step(np.zeros(7, np.float32))
+    env.reset(options={"id": 3})
+    middle = (env.action_space.low + env.action_space.high) / 2
+    expected, *_ = env.step(middle.astype(np.float32))
+    np.testing.assert_allclose(moved["joint_position"], expected["joint_position"], atol=1e-6)
+
+
+def test_every_task_is_registered():
+    assert tuple(f"drpbench/{task}-v1" for task in TASKS) == drpbench.gym.IDS
+    for id, task in zip(drpbench.gym.IDS, TASKS, strict=True):
+        assert gymnasium.spec(id).kwargs == {"task": task}
+        assert gymnasium.make(id).unwrapped.action_space.shape == (7,)
+
+
+def test_values_are_plain(env):
+    _, info = env.reset(options={"id": 17})
+    assert info == {"id": 17, "rehearsal": False}
+    _, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    assert (reward, terminated, truncated) == (0.0, False, False)
+    assert {type(value) for value in info.values()} == {bool, float, int}
+
+
+def test_a_wrong_shape_is_named(env):
+    env.reset(options={"id": 0})
+    with pytest.raises(ValueError, match=r"shape \(6,\), not \(7,\)"):
+        env.unwrapped.step(np.zeros(6))
+
+
+def test_without_gymnasium_the_extra_is_named():
+    code = "import sys; sys.modules['gymnasium'] = None; import drpbench.gym"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert shown.returncode == 1
+    last = shown.stderr.strip().splitlines()[-1]
+    assert last == "ImportError: drpbench.gym needs Gymnasium: pip install 'drpbench[gym]'"

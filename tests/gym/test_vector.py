@@ -1,0 +1,183 @@
+"""Many problems at once: spaces, order, clock, and the same verdict as `drpbench run`'s."""
+
+import gymnasium
+import jax
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+import drpbench.gym  # noqa: F401 - registers the environments
+from drpbench.envs import CONTROL_STEPS, Observation
+from drpbench.evaluation.results import load
+from drpbench.evaluation.shipped import shipped_results
+from drpbench.policies import Straight
+from drpbench.problems import load as load_problems
+from drpbench.robot import HOME
+
+LANES = 4
+
+
+@pytest.fixture(scope="module")
+def envs():
+    return gymnasium.make_vec("drpbench/FDO-v1", num_envs=LANES)
+
+
+def driven(envs, ids=None):
+    """The outcome of an episode of the policy `straight`."""
+    policy = Straight()
+    act = jax.jit(jax.vmap(lambda seen: policy.act(Observation(**seen), (), None)[0]))
+    observation, info = envs.reset(options=None if ids is None else {"id": ids})
+    rewards = np.zeros(envs.num_envs)
+    first_collision = np.full(envs.num_envs, -1)
+    for step in range(CONTROL_STEPS):
+        observation, reward, terminated, truncated, info = envs.step(act(observation))
+        rewards += reward
+        first_collision[(first_collision < 0) & info["collided"]] = step
+        assert not terminated.any()
+        assert truncated.all() == truncated.any() == (step == CONTROL_STEPS - 1)
+    return observation, rewards, first_collision, info
+
+
+def shipped(task, wanted):
+    """Rows of `drpbench run --policy straight`, `wanted` of each verdict, none of them by a hair."""
+    rows = load(shipped_results() / "straight.json").rows
+    clear = [
+        row for row in rows if row.task == task and row.valid and abs(row.min_clearance) > 0.01
+    ]
+    solved = [row for row in clear if row.success][:wanted]
+    failed = [row for row in clear if not row.success][:wanted]
+    assert len(solved) == len(failed) == wanted
+    return solved + failed
+
+
+def test_an_episode_has_the_verdict_of_the_benchmark(envs):
+    rows = shipped("FDO", LANES // 2)
+    observation, returns, first_collision, info = driven(envs, [row.id for row in rows])
+    assert observation in envs.observation_space
+    for lane, row in enumerate(rows):
+        assert info["id"][lane] == row.id
+        assert returns[lane] == row.success
+        assert info["reached"][lane] == row.reached
+        assert info["collided"][lane] == row.collided
+        assert info["valid"][lane] and info["finite"][lane]
+        step = -1 if row.first_collision_step is None else row.first_collision_step
+        assert abs(first_collision[lane] - step) <= 1
+        assert info["position_error"][lane] == pytest.approx(row.position_error, abs=1e-3)
+        assert info["orientation_error"][lane] == pytest.approx(row.orientation_error, abs=1e-2)
+
+
+def test_a_step_after_the_last_one_is_refused_until_a_reset(envs, monkeypatch):
+    monkeypatch.setattr("drpbench.gym.lanes.CONTROL_STEPS", 2)
+    observation, _ = envs.reset(seed=0)
+    for last in (False, True):
+        *_, truncated, _ = envs.step(observation["joint_position"])
+        assert truncated.tolist() == [last] * LANES
+    with pytest.raises(RuntimeError, match=r"reset\(\)"):
+        envs.step(observation["joint_position"])
+    envs.reset(options={"reset_mask": truncated})
+    envs.step(observation["joint_position"])
+
+
+def test_the_appearing_obstacle_stands_on_the_path_of_the_rehearsal():
+    rows = shipped("SAO", 1)
+    envs = gymnasium.make_vec("drpbench/SAO-v1", num_envs=2)
+    _, _, _, info = driven(envs, [row.id for row in rows])
+    assert info["rehearsal"].all()
+    _, returns, _, info = driven(envs)
+    assert not info["rehearsal"].any()
+    assert info["id"].tolist() == [row.id for row in rows]
+    assert returns.tolist() == [row.success for row in rows]
+    assert info["collided"].tolist() == [row.collided for row in rows]
+    _, info = envs.reset()
+    assert info["rehearsal"].all() and set(info["id"]).isdisjoint(row.id for row in rows)
+
+
+def test_problems_come_once_each_in_an_order_that_the_seed_sets(envs):
+    def served(seed, rounds):
+        ids = [envs.reset(seed=seed)[1]["id"]]
+        return np.concatenate(ids + [envs.reset()[1]["id"] for _ in range(rounds - 1)]).tolist()
+
+    count = load_problems("FDO").count
+    every = served(5, count // LANES)
+    assert sorted(every) == list(range(count))
+    assert served(5, 3) == every[: 3 * LANES]
+    assert served(6, 3) != every[: 3 * LANES]
+
+
+def test_a_numbered_problem_is_the_same_in_any_lane_whatever_the_seed(envs):
+    one, _ = envs.reset(seed=1, options={"id": [17, 3, 4, 5]})
+    two, info = envs.reset(seed=2, options={"id": np.array([9, 9, 9, 17])})
+    assert info["id"].tolist() == [9, 9, 9, 17]
+    for name, values in one.items():
+        np.testing.assert_array_equal(values[0], two[name][3], err_msg=name)
+    np.testing.assert_array_equal(one["goal_joints"][0], load_problems("FDO").goal[17])
+
+
+def test_a_target_that_is_no_number_fails_its_lane_alone(envs):
+    observation, _ = envs.reset(options={"id": [0, 1, 2, 3]})
+    targets = np.tile(HOME, (LANES, 1))
+    targets[1, 4] = np.nan
+    envs.step(targets)
+    *_, info = envs.step(observation["goal_joints"])
+    assert info["finite"].tolist() == [True, False, True, True]
+    assert not info["reached"][1]
+
+
+def test_arrays_are_the_callers_own(envs):
+    observation, info = envs.reset(options={"id": [0, 1, 2, 3]})
+    before = {name: values.copy() for name, values in observation.items()}
+    observation["goal_joints"] += 1.0
+    observation["scene_points"] *= 0.0
+    info["id"][:] = 9
+    after, *_, info = envs.step(before["goal_joints"])
+    np.testing.assert_array_equal(after["goal_joints"], before["goal_joints"])
+    assert after["scene_points"].any() and info["id"].tolist() == [0, 1, 2, 3]
+
+
+def test_infos_say_which_lanes_have_them(envs):
+    *_, info = envs.step(np.tile(HOME, (LANES, 1)))
+    names = {name for name in info if not name.startswith("_")}
+    assert {"id", "clearance", "reached", "collided", "valid"} <= names
+    assert {name for name in info if name.startswith("_")} == {f"_{name}" for name in names}
+    assert all(info[f"_{name}"].all() and len(info[name]) == LANES for name in names)
+
+
+def test_nothing_resets_by_itself(envs):
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.DISABLED
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"id": [0, 1, 2, 100000]}, "no problem 100000 in FDO; ids go from 0 to 199"),
+        ({"id": [0, 1, 2, -1]}, "no problem -1"),
+        ({"id": [0, 1, 2]}, "4 whole numbers"),
+        ({"id": [0.5, 1, 2, 3]}, "4 whole numbers"),
+        ({"id": 3}, "4 whole numbers"),
+        ({"ids": [0]}, "no option 'ids'; there are: id, reset_mask"),
+        ({"reset_mask": [True, False, True, True]}, "end together"),
+    ],
+)
+def test_wrong_options_are_named(envs, options, told):
+    with pytest.raises(ValueError, match=told) as refused:
+        envs.reset(options=options)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ({"num_envs": 0}, "num_envs=0"),
+        ({"problems": "mine"}, "frozen, training"),
+        ({"task": "XYZ"}, "there are: SE, SAO"),
+        ({"run_seed": 2**31}, "32 bits"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, told):
+    with pytest.raises(ValueError, match=told):
+        gymnasium.make_vec("drpbench/FDO-v1", **arguments)
+
+
+def test_wrong_actions_are_named(envs):
+    with pytest.raises(ValueError, match=r"shape \(7,\), not \(4, 7\)"):
+        envs.step(HOME)
