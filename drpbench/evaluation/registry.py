@@ -15,14 +15,18 @@ from .imported import built, check, find, installed, is_host, offered
 from .remote import Remote
 
 
-def _impact(weights: str | Path = "impact") -> Policy:
+BEST_WEIGHTS = "impact-pretrained"
+"""Of the shipped ones; none are finetuned yet."""
+
+
+def _impact(weights: str | Path = BEST_WEIGHTS) -> Policy:
     """IMPACT with shipped weights, or those of a file. Imports the network only where it is asked for."""
     from drpbench.policies.weights import load
 
     return load(weights)
 
 
-def _drp(weights: str | Path = "impact") -> Policy:
+def _drp(weights: str | Path = BEST_WEIGHTS) -> Policy:
     return DcpRmp(_impact(weights))
 
 
