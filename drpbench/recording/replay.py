@@ -71,21 +71,32 @@ class Replayer:
         except ValueError as error:
             raise RecordingError(str(error)) from None
 
-    def row(self, task: str | None, id: int) -> Row:
-        """The row of an instance; the task may be left out where the result has one only."""
+    def rows(self, task: str | None) -> list[Row]:
+        """Those of one task, by id; the task may be left out where the result has one only."""
         tasks = self.result.header.tasks
-        if task is None:
-            if len(tasks) > 1:
-                raise RecordingError(
-                    f"--id {id}: the result has {', '.join(tasks)}; say which with --task"
-                )
-            task = tasks[0]
-        ids = [row.id for row in self.result.rows if row.task == task]
-        if not ids:
+        if task is None and len(tasks) > 1:
+            raise RecordingError(f"the result has {', '.join(tasks)}; say which with --task")
+        task = task or tasks[0]
+        found = [row for row in self.result.rows if row.task == task]
+        if not found:
             raise RecordingError(f"the result has no {task}; it has: {', '.join(tasks)}")
-        if id not in ids:
-            raise RecordingError(f"the result has no {task} {id}; it has {_listed(ids)}")
-        return next(row for row in self.result.rows if row.key == (task, id))
+        return found
+
+    def row(self, task: str | None, id: int) -> Row:
+        """That of one instance."""
+        rows = self.rows(task)
+        for row in rows:
+            if row.id == id:
+                return row
+        ids = _listed([row.id for row in rows])
+        raise RecordingError(f"the result has no {rows[0].task} {id}; it has {ids}")
+
+    def spread(self, task: str | None, count: int) -> list[Row]:
+        """So many of a task, spread evenly over its ids."""
+        rows = self.rows(task)
+        if not 0 < count <= len(rows):
+            raise RecordingError(f"--grid {count}: the result has 1 to {len(rows)} to choose from")
+        return [rows[i * len(rows) // count] for i in range(count)]
 
     def replay(self, rows: Sequence[Row]) -> list[Replay]:
         """The episodes of rows of one task, in their order."""
