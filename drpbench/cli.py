@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from drpbench import cli_learning, cli_recording
+from drpbench import cli_learning, cli_recording, cli_results
 from drpbench.refused import Refused
 
 TASK_NAMES = ("SE", "SAO", "FDO", "GB", "DGB")
@@ -329,6 +329,8 @@ def referee(
 app.command()(cli_learning.data)
 app.command()(cli_learning.train)
 app.command()(cli_recording.replay)
+app.command()(cli_results.submit)
+app.command()(cli_results.verify)
 
 
 if __name__ == "__main__":

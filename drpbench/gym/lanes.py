@@ -15,8 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 from drpbench.compile import jit
 from drpbench.envs import CONTROL_STEPS, Observation, Problem, State, Task, World
 from drpbench.evaluation.metrics import REACH_ORIENTATION, REACH_POSITION
-from drpbench.evaluation.rollout import instance_key
-from drpbench.geometry import quaternion_to_matrix
+from drpbench.evaluation.rollout import instance_key, record
 
 
 @jax.tree_util.register_dataclass
@@ -128,12 +127,8 @@ class _Programs:
         self, state: State, tally: _Tally, target: Float[Array, "7"], clock: Int[Array, ""]
     ) -> tuple[State, _Tally, Float[Array, "3"], Observation, Verdict]:
         state, events = self.world.step(state, target, clock)
-        problem = state.problem
-        position_error = jnp.linalg.norm(events.grip_position - problem.goal_position)
-        turn = events.grip_rotation - quaternion_to_matrix(problem.goal_quaternion)
-        # |R - R_goal|_F = 2 sqrt(2) sin(angle / 2)
-        sine = jnp.sqrt(jnp.sum(turn * turn)) / (2.0 * jnp.sqrt(2.0))
-        orientation_error = 2.0 * jnp.arcsin(jnp.minimum(sine, 1.0))
+        seen = record(state, events)
+        position_error, orientation_error = seen["position_error"], seen["orientation_error"]
         at_goal = (position_error < REACH_POSITION) & (orientation_error < REACH_ORIENTATION)
         tally = _Tally(tally.collided | (events.clearance < 0.0), tally.finite & events.finite)
         verdict = Verdict(

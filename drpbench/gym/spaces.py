@@ -9,7 +9,7 @@ from drpbench.envs import ROBOT_POINTS, SCENE_POINTS, Observation
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER
 
 # Wide enough to hold all that happens; they are no scales to normalise by.
-_JOINTS = 4.0  # [rad] contact pushes a joint past its limit, against stiff stops
+_JOINTS = 5.0  # [rad] contact pushes a joint past its limit, against stiff stops
 _SPEED = 100.0  # [rad/s]
 _ROOM = 5.0  # [m]
 _SHOWN = tuple(field.name for field in fields(Observation) if field.name != "obstacles")

@@ -1,0 +1,182 @@
+"""Are the rows of a result reproduced? A random part of them is run again, as it was run."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .errors import PolicyError
+from .registry import choose
+from .results import Header, Result, ResultsError, Row, Scalar
+from .run import Progress, Request, run
+from .submission import check
+
+VERDICT = ("success", "reached", "collided", "valid")
+"""The fields of a row that the leaderboard counts."""
+
+_HOST = "host."  # what a header says of a policy outside jit, besides its own parameters
+_INNER = "policy."  # before the parameters of a policy that another one goes over
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One field of one row: what the file says, and what came of running it again."""
+
+    task: str
+    id: int
+    field: str
+    was: Scalar | None
+    now: Scalar | None
+
+    @property
+    def amount(self) -> float | None:
+        """By how much, where both are numbers."""
+        both = (self.was, self.now)
+        numbers = all(
+            isinstance(value, (int, float)) and not isinstance(value, bool) for value in both
+        )
+        return abs(self.was - self.now) if numbers else None
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What running rows again showed.
+
+    Attributes:
+        rows: how many were run again.
+        differences: every field that differs, by task and id.
+        elsewhere: what the run then and the run now were not both made with: software, device.
+    """
+
+    rows: int
+    differences: tuple[Difference, ...]
+    elsewhere: tuple[str, ...]
+
+    @property
+    def equal(self) -> int:
+        """Rows that are the same in every field, to the bit."""
+        return self.rows - len({(d.task, d.id) for d in self.differences})
+
+    @property
+    def turned(self) -> tuple[Difference, ...]:
+        """The differences in a verdict."""
+        return tuple(d for d in self.differences if d.field in VERDICT)
+
+    @property
+    def reproduced(self) -> bool:
+        """Whether every verdict is the same."""
+        return not self.turned
+
+
+def sample(result: Result, count: int, seed: int = 0) -> dict[str, list[int]]:
+    """`count` rows at random (all, where there are no more) as ids by task, in the order of the file."""
+    rng = np.random.default_rng(seed)
+    chosen = rng.choice(len(result.rows), min(count, len(result.rows)), replace=False)
+    ids: dict[str, list[int]] = {}
+    for index in sorted(chosen):
+        row = result.rows[index]
+        ids.setdefault(row.task, []).append(row.id)
+    return ids
+
+
+def verify(name: str, result: Result, count: int, seed: int, progress: Progress) -> Verification:
+    """Runs `count` random rows again, with the same policy, parameters, seed and batch size, and compares.
+
+    Args:
+        name: what a message should call the result, usually its file.
+        count: how many rows, at least 1.
+        seed: of which rows.
+
+    Raises:
+        ResultsError: the result is wrong (see `submission.check`), holds no row, or its policy cannot be
+            had with the parameters it states.
+        PolicyError, WeightsError: its policy cannot be had.
+    """
+    check(name, result)
+    if not result.rows:
+        raise ResultsError(f"{name}: holds no row to run again")
+    header = result.header
+    with tempfile.TemporaryDirectory(prefix="drpbench-") as folder:
+        again = run(
+            Request(
+                policy=header.policy,
+                problems=sample(result, count, seed),
+                out=Path(folder) / "again.json",
+                policy_arguments=_arguments(name, header),
+                seed=header.seed,
+                batch_size=header.batch_size,
+                **_time_limit(header),
+            ),
+            progress,
+        )
+    rows = {row.key: row for row in result.rows}
+    found = [d for row in again.rows for d in _differences(rows[row.key], row)]
+    return Verification(len(again.rows), tuple(found), _elsewhere(header, again.header))
+
+
+def _differences(was: Row, now: Row) -> list[Difference]:
+    values = ((field, getattr(was, field), getattr(now, field)) for field in Row.model_fields)
+    return [Difference(was.task, was.id, field, a, b) for field, a, b in values if a != b]
+
+
+def _time_limit(header: Header) -> dict[str, float]:
+    limit = header.policy_parameters.get(f"{_HOST}time_limit")
+    return {} if limit is None else {"time_limit": limit}
+
+
+def _arguments(name: str, header: Header) -> list[str]:
+    """The `--policy-arg`s under which the policy has the parameters that the header states."""
+    stated = header.policy_parameters
+    try:
+        usual = choose(header.policy, **_time_limit(header)).parameters
+    except PolicyError as error:
+        if "needs a value" not in str(error):
+            raise
+        usual = {}
+    own = _own(stated)
+    others = [key for key, value in own.items() if _own(usual).get(key, _ABSENT) != value]
+    arguments = [f"{key}={own[key]}" for key in others]
+    if not arguments and usual == stated:
+        return []
+    try:
+        chosen = choose(header.policy, arguments, **_time_limit(header)).parameters
+    except PolicyError as error:
+        raise ResultsError(
+            f"{name}: {header.policy} cannot be had as it was run: {error}"
+        ) from None
+    for key in sorted(stated.keys() | chosen.keys()):
+        was, now = stated.get(key, _ABSENT), chosen.get(key, _ABSENT)
+        if was != now:
+            raise ResultsError(
+                f"{name}: {header.policy} was run with {key} {was}, and is {now} here; "
+                "it cannot be run again as it was"
+            )
+    return arguments
+
+
+_ABSENT = "absent"
+
+
+def _own(parameters: Mapping[str, Scalar | list[Scalar]]) -> dict[str, Scalar | list[Scalar]]:
+    """The parameters of the innermost policy: those of what goes over it, and of its host, left out."""
+    depth = max((len(_prefix(key)) for key in parameters), default=0)
+    inner = {key[depth:]: value for key, value in parameters.items() if len(_prefix(key)) == depth}
+    return {key: value for key, value in inner.items() if not key.startswith(_HOST)}
+
+
+def _prefix(key: str) -> str:
+    """The "policy." of `key`, as often as it stands there."""
+    rest = key
+    while rest.startswith(_INNER):
+        rest = rest.removeprefix(_INNER)
+    return key[: len(key) - len(rest)]
+
+
+def _elsewhere(was: Header, now: Header) -> tuple[str, ...]:
+    pairs = {key: (value, now.versions.get(key)) for key, value in was.versions.items()}
+    pairs |= {"device": (was.device, now.device), "platform": (was.platform, now.platform)}
+    return tuple(f"{key} {a} then, {b} now" for key, (a, b) in pairs.items() if a != b)
