@@ -1,6 +1,7 @@
 """The command line: thin, one function a command. Everything heavy is imported inside."""
 
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Annotated
 
@@ -185,6 +186,11 @@ def run(
     with RunProgress(console, policy) as progress:
         result = run_request(request, progress)
     console.print(render_entry(build({out.name: result}, sizes).entries[0]))
+    failures = Counter(row.status for row in result.rows if row.status != "ok")
+    for status, count in failures.most_common():
+        console.print(
+            f"{count} of {len(result.rows)} failed: {status}", highlight=False, markup=False
+        )
     console.print(f"{len(result.rows)} rows in {out}", highlight=False)
 
 
@@ -229,6 +235,23 @@ def list_() -> None:
     policies += [("module:Class", "yours, by import path (docs/your-policy.md)")]
     policies += [(f"…+{name}", about) for name, (_, about) in WRAPPERS.items()]
     Console().print(listing({"Tasks": tasks, "Policies": policies}))
+
+
+@app.command("new-policy")
+def new_policy(
+    name: Annotated[str, typer.Argument(help="The policy's name: my-policy")],
+    folder: Annotated[Path, typer.Option(help="Where the package's folder is put.")] = Path("."),
+) -> None:
+    """Write a small package around a policy of your own, that runs as it is."""
+    from drpbench.evaluation.registry import POLICIES, WRAPPERS
+    from drpbench.evaluation.scaffold import write
+
+    for path in write(name, folder, frozenset({*POLICIES, *WRAPPERS, "remote"})):
+        typer.echo(f"wrote {path}")
+    typer.echo(
+        f"next: pip install -e {folder / name} && "
+        f"drpbench run --task FDO --problems 20 --policy {name}"
+    )
 
 
 def _problem(task: str, id: int):

@@ -172,7 +172,7 @@ def _serve(calls: queue.SimpleQueue, answers: queue.SimpleQueue) -> None:
 def answered(answer: Any, count: int) -> np.ndarray:
     """An answer as (count, 7) float32. Raises Failed for what is none."""
     if hasattr(answer, "detach"):  # a tensor, on whatever device
-        answer = answer.detach().cpu().float().numpy()
+        answer = np.from_dlpack(answer.detach().cpu().float())
     try:
         targets = np.asarray(answer)
     except Exception as error:
@@ -200,6 +200,8 @@ def _as_torch(observation: Observation, count: int, policy: Any):
     device = getattr(policy, "device", None)
 
     def tensor(leaf: jax.Array) -> Any:
+        if leaf.dtype == bool:  # which not every PyTorch reads by DLPack
+            return tensor(leaf.view(np.uint8)).view(torch.bool)
         if leaf.device.platform == "cpu" or torch.cuda.is_available():
             found = torch.from_dlpack(leaf)[:count]
         else:

@@ -14,7 +14,6 @@ from .host import TIME_LIMIT, Hosted
 from .imported import built, check, find, installed, is_host, offered
 from .remote import Remote
 
-
 BEST_WEIGHTS = "impact-pretrained"
 """Of the shipped ones; none are finetuned yet."""
 

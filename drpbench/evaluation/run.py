@@ -4,7 +4,7 @@ import datetime
 import importlib.metadata
 import platform
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -15,13 +15,14 @@ from drpbench import __version__
 from drpbench.envs import CONTROL_STEPS, TASKS
 from drpbench.problems import load
 
+from .errors import PolicyError
 from .host import TIME_LIMIT, Hosted
 from .host_rollout import HostRollout
 from .journal import Journal
 from .metrics import rows as rows_of
 from .registry import choose
 from .results import Header, Result, Row
-from .rollout import LANES, Rollout, take
+from .rollout import LANES, Rollout, Trace, take
 from .trajectories import Trajectories
 
 
@@ -38,6 +39,10 @@ class Progress(Protocol):
         """Rows are finished, and safe."""
 
 
+Watch = Callable[[Header, str, Sequence[int], Trace], None]
+"""What is shown each batch of a run before its rows are safe: header, task, ids, trace."""
+
+
 @dataclass(frozen=True)
 class Request:
     """What to run. `problems` maps each task, in order, to ids, or None for all of them;
@@ -52,6 +57,7 @@ class Request:
     batch_size: int = LANES
     resume: bool = False
     save_trajectories: bool = False
+    watch: Watch | None = None
 
 
 def device_name() -> str:
@@ -107,9 +113,14 @@ def run(request: Request, progress: Progress) -> Result:
             trajectories = Trajectories(request.out) if request.save_trajectories else None
             for task, ids in request.problems.items():
                 wanted = range(len(sets[task].level)) if ids is None else ids
-                _run_task(
-                    request, policy, task, sets[task], wanted, journal, trajectories, progress
-                )
+                try:
+                    _run_task(
+                        request, policy, task, sets[task], wanted, journal, trajectories, progress
+                    )
+                except PolicyError as error:  # it is gone for good: the rest is no verdict on it
+                    raise PolicyError(
+                        f"{error}. The rows so far are kept; go on with --resume"
+                    ) from None
             if trajectories:
                 trajectories.finish()
         return journal.finish()
@@ -129,6 +140,8 @@ def _run_task(request, policy, task, problems, wanted, journal, trajectories, pr
         finished = rows_of(task, ids, [problems.family[id] for id in ids], trace)
         if trajectories:
             trajectories.add(task, ids, trace)
+        if request.watch:
+            request.watch(journal.header, task, ids, trace)
         journal.append(finished, seconds=time.perf_counter() - began)
         progress.rows(finished)
 

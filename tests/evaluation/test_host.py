@@ -275,7 +275,8 @@ def test_a_policy_for_pytorch_says_how_to_get_it(monkeypatch):
 
 
 def test_dlpack_hands_out_jaxs_own_memory(monkeypatch):
-    """NumPy stands in for PyTorch: both read DLPack, and what is checked is that nothing is copied."""
+    """NumPy stands in for PyTorch: both read DLPack, and what is checked is that nothing is copied, but for
+    the mask (not every PyTorch reads booleans)."""
     from contextlib import nullcontext
 
     from drpbench.evaluation.host import _HANDED
@@ -284,6 +285,7 @@ def test_dlpack_hands_out_jaxs_own_memory(monkeypatch):
     stand_in = SimpleNamespace(
         from_dlpack=np.from_dlpack,
         no_grad=nullcontext,
+        bool=np.bool_,
         cuda=SimpleNamespace(is_available=lambda: False),
     )
     monkeypatch.setitem(sys.modules, "torch", stand_in)
@@ -293,5 +295,6 @@ def test_dlpack_hands_out_jaxs_own_memory(monkeypatch):
         if (leaf := getattr(batch, of.name)) is not None:
             array = getattr(handed, of.name)
             assert array.shape == (3, *leaf.shape[1:]) and array.dtype == leaf.dtype
-            assert array.ctypes.data == leaf.unsafe_buffer_pointer()
+            shared = array.ctypes.data == leaf.unsafe_buffer_pointer()
+            assert shared == (of.name != "scene_mask")
     assert context is nullcontext
