@@ -15,7 +15,6 @@ from drpbench import __version__
 from drpbench.envs import CONTROL_STEPS, TASKS
 from drpbench.problems import load
 
-from .errors import PolicyError
 from .host import TIME_LIMIT, Hosted
 from .host_rollout import HostRollout
 from .journal import Journal
@@ -113,14 +112,9 @@ def run(request: Request, progress: Progress) -> Result:
             trajectories = Trajectories(request.out) if request.save_trajectories else None
             for task, ids in request.problems.items():
                 wanted = range(len(sets[task].level)) if ids is None else ids
-                try:
-                    _run_task(
-                        request, policy, task, sets[task], wanted, journal, trajectories, progress
-                    )
-                except PolicyError as error:  # it is gone for good: the rest is no verdict on it
-                    raise PolicyError(
-                        f"{error}. The rows so far are kept; go on with --resume"
-                    ) from None
+                _run_task(
+                    request, policy, task, sets[task], wanted, journal, trajectories, progress
+                )
             if trajectories:
                 trajectories.finish()
         return journal.finish()
@@ -140,9 +134,10 @@ def _run_task(request, policy, task, problems, wanted, journal, trajectories, pr
         finished = rows_of(task, ids, [problems.family[id] for id in ids], trace)
         if trajectories:
             trajectories.add(task, ids, trace)
+        seconds = time.perf_counter() - began
         if request.watch:
             request.watch(journal.header, task, ids, trace)
-        journal.append(finished, seconds=time.perf_counter() - began)
+        journal.append(finished, seconds=seconds)
         progress.rows(finished)
 
 
