@@ -15,6 +15,7 @@ from drpbench import __version__
 from drpbench.envs import CONTROL_STEPS, TASKS
 from drpbench.problems import load
 
+from .errors import PolicyError
 from .host import TIME_LIMIT, Hosted
 from .host_rollout import HostRollout
 from .journal import Journal
@@ -112,9 +113,14 @@ def run(request: Request, progress: Progress) -> Result:
             trajectories = Trajectories(request.out) if request.save_trajectories else None
             for task, ids in request.problems.items():
                 wanted = range(len(sets[task].level)) if ids is None else ids
-                _run_task(
-                    request, policy, task, sets[task], wanted, journal, trajectories, progress
-                )
+                try:
+                    _run_task(
+                        request, policy, task, sets[task], wanted, journal, trajectories, progress
+                    )
+                except PolicyError as error:  # it is gone for good: the rest is no verdict on it
+                    raise PolicyError(
+                        f"{error}. The rows so far are kept; go on with --resume"
+                    ) from None
             if trajectories:
                 trajectories.finish()
         return journal.finish()
