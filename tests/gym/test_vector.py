@@ -14,6 +14,8 @@ from drpbench.policies import Straight
 from drpbench.problems import load as load_problems
 from drpbench.robot import HOME
 
+from .snippets import snippet
+
 LANES = 4
 
 
@@ -181,3 +183,9 @@ def test_wrong_arguments_are_named(arguments, told):
 def test_wrong_actions_are_named(envs):
     with pytest.raises(ValueError, match=r"shape \(7,\), not \(4, 7\)"):
         envs.step(HOME)
+
+
+def test_the_snippet_of_the_documentation_runs(capsys):
+    names = snippet("make_vec")
+    assert names["info"]["id"].shape == (LANES,) and not names["truncated"].any()
+    assert capsys.readouterr().out

@@ -1,0 +1,13 @@
+"""docs/environments.md: the functions' snippet runs as it stands. (The other one: test_vector.py.)"""
+
+import numpy as np
+
+from .snippets import snippet
+
+
+def test_the_functions_snippet_runs():
+    names = snippet("drpbench.envs")
+    assert names["events"].clearance.shape == (30, 8)
+    assert names["collided"].shape == (8,)
+    moved = np.abs(names["states"].joint_position - names["problems"].start).max(axis=1)
+    assert (moved > 0.05).all()
