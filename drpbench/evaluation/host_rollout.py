@@ -86,3 +86,9 @@ class HostRollout(Rollout):
     def _step_batch(self, state: State, targets: jax.Array, clock: jax.Array):
         state, events = jax.vmap(self.world.step, in_axes=(0, 0, None))(state, targets, clock)
         return state, jax.vmap(record)(state, events)
+
+
+def rollout_of(task: Task, policy: Policy | Hosted, seed: int = 0, lanes: int = LANES) -> Rollout:
+    """The rollout that a policy as `choose` gives it needs: inside jit, or step by step."""
+    kind = HostRollout if isinstance(policy, Hosted) else Rollout
+    return kind(task, policy, seed, lanes)

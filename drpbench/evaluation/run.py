@@ -16,13 +16,13 @@ from drpbench.envs import CONTROL_STEPS, TASKS
 from drpbench.problems import load
 
 from .errors import PolicyError
-from .host import TIME_LIMIT, Hosted
-from .host_rollout import HostRollout
+from .host import TIME_LIMIT
+from .host_rollout import rollout_of
 from .journal import Journal
 from .metrics import rows as rows_of
 from .registry import choose
 from .results import Header, Result, Row
-from .rollout import LANES, Rollout, Trace, take
+from .rollout import LANES, Trace, take
 from .trajectories import Trajectories
 
 
@@ -132,8 +132,7 @@ def _run_task(request, policy, task, problems, wanted, journal, trajectories, pr
     per_batch = CONTROL_STEPS * (2 if TASKS[task].rehearsed else 1)
     progress.begin(task, len(batches) * per_batch, len(wanted) - len(left))
     lanes = max(LANES, request.batch_size)
-    kind = HostRollout if isinstance(policy, Hosted) else Rollout
-    rollout = kind(TASKS[task], policy, request.seed, lanes)
+    rollout = rollout_of(TASKS[task], policy, request.seed, lanes)
     for ids in batches:
         began = time.perf_counter()
         trace = rollout.run(take(problems, ids), progress.advance)
