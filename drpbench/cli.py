@@ -27,7 +27,7 @@ app.add_typer(problems_app, name="problems")
 def main() -> None:
     """Entry point. Bad input ends in one line on stderr and exit code 2, and nothing is overwritten."""
     try:
-        app()
+        app(cli_recording.with_all(sys.argv[1:]))
     except KeyboardInterrupt:
         print("\ndrpbench: interrupted; go on with --resume", file=sys.stderr)
         sys.exit(130)
@@ -143,6 +143,13 @@ def run(
         bool,
         typer.Option("--save-trajectories", help="Write what moved to an NPZ beside the result."),
     ] = False,
+    record: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[COUNT]",
+            help="Write an MCAP file for Foxglove of every episode, or of so many of each task.",
+        ),
+    ] = None,
 ) -> None:
     """Evaluate a policy: every problem exactly once, resumable, one JSON with a row for each."""
     names = parse_tasks(task)
@@ -152,6 +159,7 @@ def run(
         raise Refused(f"--time-limit {time_limit:g}: seconds above 0 are meant")
     if not -(2**31) <= seed < 2**31:
         raise Refused(f"--seed {seed}: must fit 32 bits")
+    recorded = cli_recording.parse_count(record)
     from drpbench.problems import counts
 
     sizes = counts()
@@ -181,6 +189,7 @@ def run(
         batch_size=batch_size or default,
         resume=resume,
         save_trajectories=save_trajectories,
+        watch=None if record is None else cli_recording.watch(out, recorded, wanted, sizes),
     )
     console = Console()
     with RunProgress(console, policy) as progress:

@@ -1,11 +1,46 @@
-"""The command that shows episodes again. Everything heavy is imported inside."""
+"""What the command line knows of recordings. Everything heavy is imported inside."""
 
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from drpbench.refused import Refused
+
+
+def with_all(arguments: Sequence[str]) -> list[str]:
+    """`--record` alone as `--record all`: typer knows no option whose value may be left out."""
+    given = list(arguments)
+    for place, argument in enumerate(given):
+        if argument == "--record" and (place + 1 == len(given) or given[place + 1][:1] == "-"):
+            given.insert(place + 1, "all")
+            break
+    return given
+
+
+def parse_count(text: str | None) -> int | None:
+    """How many episodes of each task `--record` asks for; None for all of them."""
+    if text in (None, "all"):
+        return None
+    if not text.isdecimal() or int(text) < 1:
+        raise Refused(f"--record {text}: how many of each task is meant (5), or nothing for all")
+    return int(text)
+
+
+def watch(
+    out: Path,
+    count: int | None,
+    wanted: Mapping[str, Sequence[int] | None],
+    sizes: Mapping[str, int],
+) -> Callable:
+    """What a run shows its batches to, to have MCAP files in a folder beside `out`: of the first `count`
+    of the instances wanted of each task (None: all of a task that has so many in all)."""
+    from drpbench.recording import Recorder
+
+    ids = {task: range(sizes[task]) if ids is None else ids for task, ids in wanted.items()}
+    only = {task: set(some[:count]) for task, some in ids.items()}
+    return Recorder(out.with_suffix(""), only).watch
 
 
 def replay(
@@ -72,8 +107,7 @@ def replay(
             film_grid(path, episodes, advanced=drew)
             wrote(path)
             return
-        recorder = Recorder(folder, header.policy, header.policy_parameters, header.seed)
-        wrote(recorder.write(episodes[0]))
+        wrote(Recorder(folder).write(header, episodes[0]))
         if video:
             path = folder / f"{episodes[0].name}{suffix()}"
             film(path, episodes[0], advanced=drew)

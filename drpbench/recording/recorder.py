@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
-from drpbench import __version__
+from drpbench.evaluation import Header
 from drpbench.evaluation.rollout import Trace
 from drpbench.problems import load
 
@@ -15,41 +15,31 @@ from .reaction import dcp_rmp_of
 class Recorder:
     """Writes `FDO-00017.mcap` and the like into `folder`; a file that is there is replaced.
 
-    `policy`, its `parameters` and the `seed` are those of the run's header. `only` says per task which
-    instances `watch` takes; None takes all.
+    `only` says per task which instances `watch` takes; None takes all.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        policy: str,
-        parameters: Mapping[str, object],
-        seed: int,
-        only: Mapping[str, Collection[int]] | None = None,
-    ):
-        self.folder, self.policy, self.seed, self.only = folder, policy, seed, only
-        self._module = dcp_rmp_of(parameters)
+    def __init__(self, folder: Path, only: Mapping[str, Collection[int]] | None = None):
+        self.folder, self.only = folder, only
 
-    def write(self, episode: Episode) -> Path:
-        """Writes one episode; returns the file's path. Raises RecordingError where that fails."""
-        problems = load(episode.task)
+    def write(self, header: Header, episode: Episode) -> Path:
+        """Writes one episode of a run; returns the file's path. Raises RecordingError where that fails."""
         about = {
             "task": episode.task,
             "id": str(episode.id),
-            "family": problems.family[episode.id],
-            "policy": self.policy,
-            "seed": str(self.seed),
-            "problem_set": problems.name,
-            "problem_set_sha256": problems.sha256,
-            "drpbench": __version__,
+            "family": load(episode.task).family[episode.id],
+            "policy": header.policy,
+            "seed": str(header.seed),
+            "problem_set": header.problem_set,
+            "problem_set_sha256": header.problem_set_sha256,
+            **{f"version {name}": version for name, version in header.versions.items()},
         }
         path = self.folder / f"{episode.name}.mcap"
-        write_mcap(path, episode, about, self._module)
+        write_mcap(path, episode, about, dcp_rmp_of(header.policy_parameters))
         return path
 
-    def watch(self, task: str, ids: Sequence[int], trace: Trace) -> None:
+    def watch(self, header: Header, task: str, ids: Sequence[int], trace: Trace) -> None:
         """Writes the episodes of a batch, as the run hands them over."""
         problems = load(task)
         for lane, id in enumerate(ids):
             if self.only is None or id in self.only[task]:
-                self.write(traced(task, id, problems, self.seed, trace, lane))
+                self.write(header, traced(task, id, problems, header.seed, trace, lane))

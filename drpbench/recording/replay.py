@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from drpbench.envs import TASKS
-from drpbench.evaluation import LANES, Result, Rollout, Row
-from drpbench.evaluation.metrics import rows as rows_of
-from drpbench.evaluation.registry import make
-from drpbench.evaluation.rollout import take
+from drpbench.evaluation import LANES, Header, Request, Result, Row, run
+from drpbench.evaluation.registry import choose
+from drpbench.evaluation.rollout import Trace
 from drpbench.evaluation.run import device_name, versions
 from drpbench.evaluation.trajectories import load_trajectories
 from drpbench.problems import ProblemSet
@@ -120,22 +120,29 @@ class Replayer:
 
     def _run_again(self, rows: Sequence[Row]) -> dict[int, Replay]:
         header, task = self.result.header, rows[0].task
-        policy = make(header.policy)
+        _require_parameters(header)
         # XLA's rounding depends on the size of the batch and on the processor; elsewhere it differs anyway.
         same = device_name() == header.device
-        lanes = max(LANES, header.batch_size) if same else LANES
-        rollout = Rollout(TASKS[task], policy, header.seed, lanes)
-        found: dict[int, Replay] = {}
-        for first in range(0, len(rows), lanes):
-            batch = rows[first : first + lanes]
-            ids = [row.id for row in batch]
-            problems = self.problems[task]
-            trace = rollout.run(take(problems, ids), self.advanced)
-            now = rows_of(task, ids, [row.family for row in batch], trace)
-            for lane, row in enumerate(batch):
-                seen = traced(task, row.id, problems, header.seed, trace, lane)
-                found[row.id] = Replay(row, seen, self._remark(row, now[lane]))
-        return found
+        seen: dict[int, Episode] = {}
+
+        def watch(now: Header, task: str, ids: Sequence[int], trace: Trace) -> None:
+            for lane, id in enumerate(ids):
+                seen[id] = traced(task, id, self.problems[task], now.seed, trace, lane)
+
+        with tempfile.TemporaryDirectory(prefix="drpbench-") as folder:
+            again = run(
+                Request(
+                    policy=header.policy,
+                    problems={task: [row.id for row in rows]},
+                    out=Path(folder) / "again.json",
+                    seed=header.seed,
+                    batch_size=header.batch_size if same else LANES,
+                    watch=watch,
+                ),
+                _Steps(self.advanced),
+            )
+        now = {row.id: row for row in again.rows}
+        return {row.id: Replay(row, seen[row.id], self._remark(row, now[row.id])) for row in rows}
 
     def _remark(self, then: Row, now: Row) -> str | None:
         """What to say where an episode came out differently when it was run again."""
@@ -154,6 +161,28 @@ class Replayer:
             f"{then.task} {then.id} came out differently when run again: {_outcome(then)} in the "
             f"result, {_outcome(now)} now{why}"
         )
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """A run's progress, of which only the control steps are told on."""
+
+    advance: Callable[[int], None]
+
+    def begin(self, task: str, steps: int, done: int) -> None: ...
+
+    def rows(self, rows: Sequence[Row]) -> None: ...
+
+
+def _require_parameters(header: Header) -> None:
+    """A policy run again by its name must have the parameters it had."""
+    now = choose(header.policy).parameters
+    for name, then in header.policy_parameters.items():
+        if not name.startswith("host.") and now.get(name) != then:
+            raise RecordingError(
+                f"{header.policy} cannot be run again as it was: {name} was {then}, it is "
+                f"{now.get(name)} by default; run it with --record or --save-trajectories instead"
+            )
 
 
 def _outcome(row: Row) -> str:

@@ -7,7 +7,7 @@ import pytest
 from drpbench.envs import TASKS
 from drpbench.evaluation.metrics import rows
 from drpbench.evaluation.registry import parameters
-from drpbench.evaluation.results import Result
+from drpbench.evaluation.results import Header, Result
 from drpbench.evaluation.rollout import Rollout, take
 from drpbench.evaluation.run import versions
 from drpbench.evaluation.trajectories import Trajectories
@@ -35,14 +35,10 @@ def rolled():
     )
 
 
-@pytest.fixture
-def stored(rolled, tmp_path):
-    """The same as a result and its trajectories: the result, and the path of its file."""
-    path = tmp_path / "run.json"
-    trajectories = Trajectories(path)
-    trajectories.add("FDO", rolled.ids, rolled.trace)
-    trajectories.finish()
-    header = {
+@pytest.fixture(scope="session")
+def header(rolled):
+    """The header of a run that made these."""
+    fields = {
         "policy": "straight+dcp-rmp",
         "policy_parameters": parameters(rolled.policy),
         "privileged": False,
@@ -59,4 +55,14 @@ def stored(rolled, tmp_path):
         "problems": {"FDO": rolled.ids},
         "wall_seconds": 0.0,
     }
+    return Header(**fields)
+
+
+@pytest.fixture
+def stored(rolled, header, tmp_path):
+    """The same as a result and its trajectories: the result, and the path of its file."""
+    path = tmp_path / "run.json"
+    trajectories = Trajectories(path)
+    trajectories.add("FDO", rolled.ids, rolled.trace)
+    trajectories.finish()
     return Result(header=header, rows=rolled.rows), path

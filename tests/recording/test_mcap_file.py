@@ -8,7 +8,6 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from scipy.spatial.transform import Rotation
 
-from drpbench.evaluation.registry import parameters
 from drpbench.recording import Recorder, RecordingError
 from drpbench.recording.episode import nanoseconds
 from drpbench.recording.motion import motion
@@ -27,15 +26,11 @@ def read(path):
 
 
 @pytest.fixture(scope="module")
-def recorder(rolled, tmp_path_factory):
-    return Recorder(
-        tmp_path_factory.mktemp("mcap"), "straight+dcp-rmp", parameters(rolled.policy), rolled.seed
-    )
-
-
-@pytest.fixture(scope="module")
-def files(rolled, recorder):
-    return [read(recorder.write(episode)) for episode in rolled.episodes]
+def files(rolled, header, tmp_path_factory):
+    """Those that a run's hook writes of a whole batch."""
+    folder = tmp_path_factory.mktemp("mcap")
+    Recorder(folder).watch(header, "FDO", rolled.ids, rolled.trace)
+    return [read(folder / f"FDO-{id:05d}.mcap") for id in rolled.ids]
 
 
 def test_every_step_is_there_at_its_time(files):
@@ -167,11 +162,11 @@ def test_dcp_rmp_shows_what_it_gives_way_to(files, rolled):
     assert shown > 10
 
 
-def test_a_crash_in_the_middle_leaves_the_old_file_or_none(rolled, tmp_path, monkeypatch):
+def test_a_crash_in_the_middle_leaves_the_old_file_or_none(rolled, header, tmp_path, monkeypatch):
     import drpbench.recording.mcap_file as mcap_file
 
-    recorder = Recorder(tmp_path, "hold", {}, rolled.seed)
-    path = recorder.write(rolled.episodes[0])
+    recorder = Recorder(tmp_path)
+    path = recorder.write(header, rolled.episodes[0])
     before = path.read_bytes()
 
     def broken(*_):
@@ -179,13 +174,18 @@ def test_a_crash_in_the_middle_leaves_the_old_file_or_none(rolled, tmp_path, mon
 
     monkeypatch.setattr(mcap_file._Often, "at", broken)
     with pytest.raises(RuntimeError, match="power cut"):
-        recorder.write(rolled.episodes[0])
+        recorder.write(header, rolled.episodes[0])
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-def test_a_folder_that_cannot_be_written_is_one_line(rolled, tmp_path):
+def test_only_those_asked_for_are_written(rolled, header, tmp_path):
+    Recorder(tmp_path, {"FDO": {17}}).watch(header, "FDO", rolled.ids, rolled.trace)
+    assert [path.name for path in tmp_path.iterdir()] == ["FDO-00017.mcap"]
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(rolled, header, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(RecordingError, match="cannot be written") as error:
-        Recorder(tmp_path / "file", "hold", {}, rolled.seed).write(rolled.episodes[0])
+        Recorder(tmp_path / "file").write(header, rolled.episodes[0])
     assert len(str(error.value).splitlines()) == 1

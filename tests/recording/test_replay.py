@@ -1,8 +1,12 @@
 """Episodes of a result come back as they were, or it is said how they differ."""
 
+from dataclasses import fields
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+import drpbench.recording.replay as replay_module
 from drpbench.evaluation.results import Result
 from drpbench.recording import RecordingError, Replayer
 
@@ -62,3 +66,84 @@ def test_a_truncated_npz_is_refused(stored):
     replayer = Replayer(result, path)
     with pytest.raises(RecordingError, match="not a readable trajectory file"):
         replayer.replay([replayer.row("FDO", 3)])
+
+
+@pytest.fixture
+def again(rolled, monkeypatch):
+    """Running again, as if it came out as it did here; what it was asked for."""
+    asked = []
+
+    def run(request, progress):
+        asked.append(request)
+        (ids,) = request.problems.values()
+        progress.advance(1000)
+        lanes = [rolled.ids.index(id) for id in ids]
+        assert lanes == list(range(len(lanes))) or len(lanes) == 1
+        header = SimpleNamespace(seed=request.seed)
+        parts = {
+            field.name: getattr(rolled.trace, field.name) for field in fields(type(rolled.trace))
+        }
+        trace = SimpleNamespace(
+            **{
+                name: value[lanes] if name in ("start", "start_grip", "valid") else value[:, lanes]
+                for name, value in parts.items()
+                if isinstance(value, np.ndarray)
+            }
+        )
+        request.watch(header, "FDO", ids, trace)
+        return SimpleNamespace(rows=[rolled.rows[lane] for lane in lanes])
+
+    monkeypatch.setattr(replay_module, "run", run)
+    return asked
+
+
+def test_without_trajectories_the_episode_is_run_again(stored, rolled, again):
+    result, path = stored
+    path.with_suffix(".npz").unlink()
+    told = []
+    replayer = Replayer(result, path, told.append)
+    (found,) = replayer.replay([replayer.row("FDO", 17)])
+    assert told == [1000] and found.remark is None
+    assert (again[0].seed, again[0].policy) == (rolled.seed, "straight+dcp-rmp")
+    np.testing.assert_array_equal(
+        found.episode.joint_position[1:], rolled.trace.joint_position[:, 1]
+    )
+
+
+def test_another_outcome_is_told_with_what_has_changed(stored, rolled, again):
+    result, path = stored
+    path.with_suffix(".npz").unlink()
+    row = next(row for row in result.rows if row.collided)
+    then = row.model_copy(update={"first_collision_step": 999})
+    header = result.header.model_copy(
+        update={"versions": {**result.header.versions, "jax": "0.9.0"}}
+    )
+    replayer = Replayer(result.model_copy(update={"header": header}), path)
+    (found,) = replayer.replay([then])
+    for part in (
+        "step 999",
+        f"step {row.first_collision_step}",
+        "jax 0.9.0 then",
+        "a processor then",
+    ):
+        assert part in found.remark
+    assert len(found.remark.splitlines()) == 1
+
+
+def test_a_policy_with_other_parameters_is_not_run_again(stored, again):
+    result, path = stored
+    path.with_suffix(".npz").unlink()
+    parameters = {**result.header.policy_parameters, "constants.k_p": 7.0}
+    header = result.header.model_copy(update={"policy_parameters": parameters})
+    replayer = Replayer(result.model_copy(update={"header": header}), path)
+    with pytest.raises(RecordingError, match=r"constants.k_p was 7.0, it is 100.0 by default"):
+        replayer.replay([replayer.row("FDO", 3)])
+    assert not again
+
+
+def test_a_grid_is_spread_over_the_result(stored):
+    replayer = Replayer(*stored)
+    assert [row.id for row in replayer.spread("FDO", 3)] == [3, 17, 150]
+    assert [row.id for row in replayer.spread(None, 1)] == [3]
+    with pytest.raises(RecordingError, match="--grid 4: the result has 1 to 3"):
+        replayer.spread("FDO", 4)
