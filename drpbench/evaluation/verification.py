@@ -113,6 +113,7 @@ def verify(name: str, result: Result, count: int, seed: int, progress: Progress)
             ),
             progress,
         )
+    _require_same_policy(name, header, again.header.policy_parameters, again.header.privileged)
     rows = {row.key: row for row in result.rows}
     found = [d for row in again.rows for d in _differences(rows[row.key], row)]
     return Verification(len(again.rows), tuple(found), _elsewhere(header, again.header))
@@ -130,6 +131,8 @@ def _time_limit(header: Header) -> dict[str, float]:
 
 def _arguments(name: str, header: Header) -> list[str]:
     """The `--policy-arg`s under which the policy has the parameters that the header states."""
+    if header.policy.startswith("remote:"):
+        return []  # its parameters are set where it runs; it may answer one connection only
     stated = header.policy_parameters
     try:
         usual = choose(header.policy, **_time_limit(header)).parameters
@@ -137,25 +140,30 @@ def _arguments(name: str, header: Header) -> list[str]:
         if "needs a value" not in str(error):
             raise
         usual = {}
-    own = _own(stated)
-    others = [key for key, value in own.items() if _own(usual).get(key, _ABSENT) != value]
-    arguments = [f"{key}={own[key]}" for key in others]
-    if not arguments and usual == stated:
-        return []
+    own, usual = _own(stated), _own(usual)
+    arguments = [f"{key}={value}" for key, value in own.items() if usual.get(key, _ABSENT) != value]
     try:
-        chosen = choose(header.policy, arguments, **_time_limit(header)).parameters
+        choice = choose(header.policy, arguments, **_time_limit(header))
     except PolicyError as error:
         raise ResultsError(
             f"{name}: {header.policy} cannot be had as it was run: {error}"
         ) from None
-    for key in sorted(stated.keys() | chosen.keys()):
-        was, now = stated.get(key, _ABSENT), chosen.get(key, _ABSENT)
+    _require_same_policy(name, header, choice.parameters, choice.policy.privileged)
+    return arguments
+
+
+def _require_same_policy(
+    name: str, header: Header, parameters: Mapping[str, Scalar | list[Scalar]], privileged: bool
+) -> None:
+    stated = header.policy_parameters | {"privileged": header.privileged}
+    here = {**parameters, "privileged": privileged}
+    for key in sorted(stated.keys() | here.keys()):
+        was, now = stated.get(key, _ABSENT), here.get(key, _ABSENT)
         if was != now:
             raise ResultsError(
                 f"{name}: {header.policy} was run with {key} {was}, and is {now} here; "
                 "it cannot be run again as it was"
             )
-    return arguments
 
 
 _ABSENT = "absent"

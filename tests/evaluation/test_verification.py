@@ -174,6 +174,21 @@ def test_a_parameter_that_cannot_be_set_again_is_named(shipped, again, name, par
     assert str(refused.value).startswith("x.json: ") and not requests
 
 
+def test_a_policy_that_is_privileged_only_here_or_there_is_named(fdo, again):
+    again(fdo)
+    header = Header(**(fdo.header.model_dump() | {"privileged": True}))
+    with pytest.raises(ResultsError, match="privileged True, and is False here"):
+        verify("x.json", Result(header=header, rows=fdo.rows), 5, 0, Silent())
+
+
+def test_a_remote_policy_is_asked_where_it_runs(fdo, again):
+    header = Header(**(fdo.header.model_dump() | {"policy": "remote:127.0.0.1:1"}))
+    result = Result(header=header, rows=fdo.rows)
+    requests = again(result)
+    assert verify("x.json", result, 5, 0, Silent()).equal == 5
+    assert list(requests[0].policy_arguments) == []
+
+
 def test_a_result_without_rows_is_refused(fdo):
     empty = Result(
         header=Header(**(fdo.header.model_dump() | {"problems": {"FDO": None}})), rows=[]
