@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from drpbench.geometry import Primitives, sample_surface
@@ -83,5 +82,4 @@ def scene_cloud(cloud: Cloud, movers: Movers) -> tuple[Float[Array, "2048 3"], B
 
 def robot_points() -> BodyPoints:
     """The arm's surface points of the observation."""
-    points = surface_points()
-    return points.part(np.linspace(0, points.count - 1, ROBOT_POINTS).round().astype(int))
+    return surface_points(ROBOT_POINTS)

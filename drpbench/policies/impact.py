@@ -19,12 +19,13 @@ import functools
 from dataclasses import dataclass, fields
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import nnx
 from jaxtyping import Array, Bool, Float
 
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+from drpbench.robot import JOINT_LOWER, JOINT_UPPER, link_poses, surface_points
 
 from .chunks import CHUNK, FLOOR, RAMP
 from .layers import attention, dot_general, greatest
@@ -54,11 +55,18 @@ class ImpactSize:
     heads: int = 8
     encoder_layers: int = 6
     decoder_layers: int = 6
+    sees_goal: bool = False
+    """Whether the arm at its goal is shown: as tokens, and every scene point with its closeness to the arm
+    as it is and as it will be. The paper's network has to find that out from joints alone, which takes
+    data by the million."""
 
     def __post_init__(self):
         for field in fields(self):
             value = getattr(self, field.name)
-            if min(value if isinstance(value, tuple) else (value,)) <= 0:
+            if (
+                not isinstance(value, bool)
+                and min(value if isinstance(value, tuple) else (value,)) <= 0
+            ):
                 raise ValueError(f"{field.name} must be positive, not {value}")
         for used, all_of_them in (("scene_points", SCENE_POINTS), ("robot_points", ROBOT_POINTS)):
             if all_of_them % getattr(self, used):
@@ -82,8 +90,9 @@ SMALL = ImpactSize(
     heads=4,
     encoder_layers=2,
     decoder_layers=1,
+    sees_goal=True,
 )
-"""For processors without an accelerator: the same architecture."""
+"""For processors without an accelerator: the same architecture, but that it sees the arm at its goal."""
 SIZES = {"full": FULL, "small": SMALL}
 
 Linear = functools.partial(
@@ -91,6 +100,7 @@ Linear = functools.partial(
 )
 
 _LONGEST, _SHORTEST = 4.0, 0.1  # [m] wavelengths of the positional encoding
+_CLOSE = 0.1  # [m]
 
 
 def positional_encoding(
@@ -111,12 +121,34 @@ def normalised(q: Float[Array, "*batch 7"]) -> Float[Array, "*batch 7"]:
     return (q - jnp.asarray(middle, q.dtype)) / jnp.asarray(half, q.dtype)
 
 
+def arm_at(q: Float[Array, "*batch 7"], count: int) -> Float[Array, "*batch {count} 3"]:
+    """Every (256 / count)-th of the observed points of the arm, at joints `q` [rad]: positions [m]."""
+    observed = surface_points(ROBOT_POINTS)
+    points = observed.part(np.arange(0, ROBOT_POINTS, ROBOT_POINTS // count))
+    flat = jax.vmap(lambda one: points.world(link_poses(one)))(q.reshape(-1, 7))
+    return flat.reshape(*q.shape[:-1], count, 3)
+
+
+def _closeness(
+    points: Float[Array, "*batch N 3"], arm: Float[Array, "*batch R 3"]
+) -> Float[Array, "*batch N"]:
+    """exp(-d / _CLOSE), d the distance [m] of each point to the nearest of the arm's."""
+
+    def visit(nearest, one):
+        away = sum(jnp.square(points[..., i] - one[..., i, None]) for i in range(3))
+        return jnp.minimum(nearest, away), None
+
+    far = jnp.full(points.shape[:-1], jnp.inf, points.dtype)
+    squared, _ = jax.lax.scan(visit, far, jnp.moveaxis(arm, -2, 0))
+    return jnp.exp(-jnp.sqrt(squared) / _CLOSE)
+
+
 class PointTokens(nnx.Module):
     """Set abstraction and its projection to tokens."""
 
-    def __init__(self, size: ImpactSize, tokens: int, dtype, rngs: nnx.Rngs):
+    def __init__(self, size: ImpactSize, tokens: int, dtype, rngs: nnx.Rngs, features: int = 0):
         self.tokens, self.radius, self.samples = tokens, size.radius, size.samples
-        widths = (3, *size.point_mlp)
+        widths = (3 + features, *size.point_mlp)
         self.point_mlp = nnx.List(
             Linear(a, b, dtype=dtype, rngs=rngs) for a, b in zip(widths, widths[1:], strict=False)
         )
@@ -125,20 +157,28 @@ class PointTokens(nnx.Module):
         self.out = Linear(2 * size.width, size.width, dtype=dtype, rngs=rngs)
         self.dtype = dtype
 
-    def __call__(self, points: Float[Array, "*batch N 3"], mask: Bool[Array, "*batch N"]):
+    def __call__(
+        self,
+        points: Float[Array, "*batch N 3"],
+        mask: Bool[Array, "*batch N"],
+        *features: Float[Array, "*batch N F"],
+    ):
         batch = mask.shape[:-1]
-        points, mask = points.reshape(-1, *points.shape[-2:]), mask.reshape(-1, mask.shape[-1])
+        points, mask, *features = (
+            leaf.reshape(-1, *leaf.shape[len(batch) :]) for leaf in (points, mask, *features)
+        )
         centers = gather(points, farthest_points(points, mask, self.tokens))
-        pooled = in_pieces(self._pooled, self.tokens * self.samples, points, mask, centers)
+        clouds = (points, mask, centers, *features)
+        pooled = in_pieces(self._pooled, self.tokens * self.samples, *clouds)
         tokens = self.out(nnx.relu(self.norm(self.hidden(pooled))))
         tokens = tokens + positional_encoding(centers, tokens.shape[-1]).astype(tokens.dtype)
         # A cloud without points is told by tokens of zeros.
         tokens = jnp.where(mask.any(axis=-1)[..., None, None], tokens, 0.0)
         return tokens.reshape(*batch, *tokens.shape[1:])
 
-    def _pooled(self, points, mask, centers):
+    def _pooled(self, points, mask, centers, features=None):
         """The shared MLP and its maximum over each neighbourhood."""
-        x = neighbourhoods(points, mask, centers, self.radius, self.samples)
+        x = neighbourhoods(points, mask, centers, self.radius, self.samples, features)
         x = x.astype(self.dtype)
         for layer in self.point_mlp[:-1]:
             x = nnx.relu(layer(x))
@@ -233,13 +273,15 @@ class ImpactNetwork(nnx.Module):
 
     def __init__(self, size: ImpactSize, rngs: nnx.Rngs, dtype=jnp.float32):
         self.size = size
-        self.scene = PointTokens(size, size.scene_tokens, dtype, rngs)
+        self.scene = PointTokens(
+            size, size.scene_tokens, dtype, rngs, features=2 if size.sees_goal else 0
+        )
         self.robot = PointTokens(size, size.robot_tokens, dtype, rngs)
         self.current = JointToken(7, size, dtype, rngs)
         self.goal = JointToken(7, size, dtype, rngs)
         self.difference = JointToken(14, size, dtype, rngs)
         draw = nnx.initializers.normal(0.02)
-        self.types = nnx.Param(draw(rngs.params(), (5, size.width)))
+        self.types = nnx.Param(draw(rngs.params(), (6 if size.sees_goal else 5, size.width)))
         self.actions = nnx.Param(draw(rngs.params(), (CHUNK, size.width)))
         self.encoder = nnx.List(EncoderLayer(size, dtype, rngs) for _ in range(size.encoder_layers))
         self.decoder = nnx.List(DecoderLayer(size, dtype, rngs) for _ in range(size.decoder_layers))
@@ -271,13 +313,23 @@ class ImpactNetwork(nnx.Module):
         away = goal - joints
         farthest = jnp.max(jnp.abs(away), axis=-1, keepdims=True)
         towards = away / jnp.maximum(farthest, FLOOR * RAMP)
+        closeness = []
+        if size.sees_goal:
+            goal_points = arm_at(goal, size.robot_points)
+            closeness = [
+                jnp.stack(
+                    [_closeness(scene_points, arm) for arm in (robot_points, goal_points)], -1
+                )
+            ]
         groups = [
-            self.scene(scene_points, scene_mask),
+            self.scene(scene_points, scene_mask, *closeness),
             self.robot(robot_points, there),
             self.current(q.astype(self.dtype))[..., None, :],
             self.goal(g.astype(self.dtype))[..., None, :],
             self.difference(jnp.concatenate([g - q, towards], -1).astype(self.dtype))[..., None, :],
         ]
+        if size.sees_goal:
+            groups.append(self.robot(goal_points, there))
         types = self.types[...].astype(self.dtype)
         x = jnp.concatenate([tokens + types[i] for i, tokens in enumerate(groups)], axis=-2)
         for layer in self.encoder:

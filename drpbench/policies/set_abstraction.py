@@ -105,13 +105,17 @@ def neighbourhoods(
     centers: Float[Array, "*batch K 3"],
     radius: float,
     samples: int,
-) -> Float[Array, "*batch K {samples} 3"]:
-    """Each centre's neighbours relative to it, in radii: within [-1, 1].
+    features: Float[Array, "*batch N F"] | None = None,
+) -> Float[Array, "*batch K {samples} C"]:
+    """Each centre's neighbours relative to it, in radii: within [-1, 1]; then their features, if any.
 
     Finite for a cloud without points too, if its centres are its index 0.
     """
     index = ball_query(points, mask, centers, radius, samples)
-    return _apart((gather(points, index) - centers[..., None, :]) / radius)
+    relative = (gather(points, index) - centers[..., None, :]) / radius
+    if features is not None:
+        relative = jnp.concatenate([relative, gather(features, index)], axis=-1)
+    return _apart(relative)
 
 
 def _apart(x: Float[Array, "..."]) -> Float[Array, "..."]:

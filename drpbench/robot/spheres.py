@@ -114,9 +114,13 @@ def moving_spheres() -> BodyPoints:
 
 
 @cache
-def surface_points() -> BodyPoints:
-    """Points on the outer surface of the real meshes, link1 to the fingers."""
-    return _read("panda_surface.json")
+def surface_points(count: int | None = None) -> BodyPoints:
+    """Points on the outer surface of the real meshes, link1 to the fingers; `count` of them, evenly
+    chosen, or all."""
+    points = _read("panda_surface.json")
+    if count is None:
+        return points
+    return points.part(np.linspace(0, points.count - 1, count).round().astype(int))
 
 
 def self_clearance(poses: LinkPoses) -> Float[Array, ""]:
