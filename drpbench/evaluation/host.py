@@ -93,9 +93,9 @@ class Hosted:
         it sees (DCP-RMP); `time_limit` [s] is for one control step. Raises PolicyError."""
         self.policy, self._build, self.time_limit = policy, build, time_limit
         self.arrays = getattr(policy, "arrays", "numpy")
-        if self.arrays not in _HANDED:
+        if self.arrays not in HANDED:
             raise PolicyError(
-                f"{type(policy).__name__}: arrays = {self.arrays!r}; there are: {', '.join(_HANDED)}"
+                f"{type(policy).__name__}: arrays = {self.arrays!r}; there are: {', '.join(HANDED)}"
             )
         if self.arrays == "torch":
             _torch()
@@ -119,7 +119,7 @@ class Hosted:
         return answered(self._call("act", observation, count, self.time_limit), count)
 
     def _call(self, method: str, observation: Observation, count: int, limit: float) -> Any:
-        handed, context = _HANDED[self.arrays](observation, count, self.policy)
+        handed, context = HANDED[self.arrays](observation, count, self.policy)
         if self._worker is None:
             self._worker = _Worker()
         try:
@@ -221,7 +221,8 @@ def _each(convert: Callable[[jax.Array], Any], observation: Observation) -> Host
 
 
 _nothing = contextlib.nullcontext
-_HANDED = {"numpy": _as_numpy, "torch": _as_torch, "jax": _as_jax}
+# How an observation of more lanes than that is handed to a policy, and what it is called in.
+HANDED = {"numpy": _as_numpy, "torch": _as_torch, "jax": _as_jax}
 
 
 def _torch() -> Any:

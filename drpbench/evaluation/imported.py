@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from drpbench.envs import ROBOT_POINTS, SCENE_POINTS, Observation
+from drpbench.geometry import Primitives
 from drpbench.policies import Policy
 
 from .errors import PolicyError, told
@@ -129,13 +130,11 @@ def _check_traceable(name: str, policy: Any) -> None:
             f"{name} is no JAX pytree: make it a frozen dataclass under"
             " @jax.tree_util.register_dataclass"
         )
-    if policy.privileged:
-        return
     method, found = "init", {}
 
     def traced(key):
         nonlocal method
-        seen = _nothing_seen()
+        seen = _nothing_seen(policy.privileged)
         carry = policy.init(seen)
         method = "act"
         found["target"], after = policy.act(seen, carry, key)
@@ -160,7 +159,14 @@ def _form(carry: Any) -> tuple:
     return structure, [(jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves]
 
 
-def _nothing_seen() -> Observation:
+def _nothing_seen(privileged: bool = False) -> Observation:
+    obstacles = Primitives(
+        kind=jnp.zeros(1, jnp.int32),
+        half_size=jnp.ones((1, 3)),
+        position=jnp.zeros((1, 3)),
+        rotation=jnp.eye(3)[None],
+        mask=jnp.zeros(1, bool),
+    )
     return Observation(
         joint_position=jnp.zeros(7),
         joint_velocity=jnp.zeros(7),
@@ -170,4 +176,5 @@ def _nothing_seen() -> Observation:
         scene_points=jnp.zeros((SCENE_POINTS, 3)),
         scene_mask=jnp.zeros(SCENE_POINTS, bool),
         robot_points=jnp.zeros((ROBOT_POINTS, 3)),
+        obstacles=obstacles if privileged else None,
     )

@@ -46,7 +46,13 @@ class Grows(Fine):
     def act(self, observation, carry, key): return observation.goal_joints, (carry, 1.0)
 class Breaks(Fine):
     def act(self, observation, carry, key): return observation.speed, carry
-for odd in (Six, Bare, Grows, Breaks):
+class Knows(Fine):
+    privileged = True
+    def act(self, observation, carry, key):
+        return observation.goal_joints + observation.obstacles.position.sum(), carry
+class Peeks(Knows):
+    privileged = False
+for odd in (Knows, Peeks, Six, Bare, Grows, Breaks):
     jax.tree_util.register_dataclass(odd, data_fields=["speed"], meta_fields=[])
 """
 
@@ -67,6 +73,7 @@ def here(tmp_path, monkeypatch):
 def test_an_import_path_makes_a_policy(here):
     choice = choose("own_policies:Fine", ["speed=0.25"])
     assert choice.policy.speed == 0.25 and choice.parameters == {"speed": 0.25}
+    assert choose("own_policies:Knows").policy.privileged
     over = choose("own_policies:Fine+dcp-rmp")
     assert isinstance(over.policy, DcpRmp) and type(over.policy.policy) is type(choice.policy)
     assert over.parameters["policy.speed"] == 0.5 and "constants.r" in over.parameters
@@ -92,6 +99,7 @@ def test_an_import_path_makes_a_policy(here):
         ("own_policies:Bare", "act failed: ValueError"),
         ("own_policies:Grows", "a carry of another form"),
         ("own_policies:Breaks", "act failed: AttributeError"),
+        ("own_policies:Peeks", "act failed: AttributeError"),
         ("own_policies:Fine+nothing", "its classes"),
     ],
 )
