@@ -2,6 +2,7 @@
 
 import sys
 from collections import Counter
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -179,6 +180,7 @@ def run(
     from drpbench.terminal import RunProgress
 
     default = LANES if jax.default_backend() == "cpu" else 2048
+    recorder = record and cli_recording.recorder(out, recorded, wanted, sizes)
     request = Request(
         policy=policy,
         policy_arguments=policy_arg or (),
@@ -189,10 +191,10 @@ def run(
         batch_size=batch_size or default,
         resume=resume,
         save_trajectories=save_trajectories,
-        watch=None if record is None else cli_recording.watch(out, recorded, wanted, sizes),
+        watch=recorder and recorder.watch,
     )
     console = Console()
-    with RunProgress(console, policy) as progress:
+    with recorder or nullcontext(), RunProgress(console, policy) as progress:
         result = run_request(request, progress)
     console.print(render_entry(build({out.name: result}, sizes).entries[0]))
     failures = Counter(row.status for row in result.rows if row.status != "ok")

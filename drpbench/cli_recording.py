@@ -1,12 +1,17 @@
 """What the command line knows of recordings. Everything heavy is imported inside."""
 
-from collections.abc import Callable, Mapping, Sequence
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from drpbench.refused import Refused
+
+if TYPE_CHECKING:
+    from drpbench.recording import Recorder
 
 
 def with_all(arguments: Sequence[str]) -> list[str]:
@@ -28,19 +33,19 @@ def parse_count(text: str | None) -> int | None:
     return int(text)
 
 
-def watch(
+def recorder(
     out: Path,
     count: int | None,
     wanted: Mapping[str, Sequence[int] | None],
     sizes: Mapping[str, int],
-) -> Callable:
+) -> Recorder:
     """What a run shows its batches to, to have MCAP files in a folder beside `out`: of the first `count`
     of the instances wanted of each task (None: all of a task that has so many in all)."""
     from drpbench.recording import Recorder
 
     ids = {task: range(sizes[task]) if ids is None else ids for task, ids in wanted.items()}
     only = {task: set(some[:count]) for task, some in ids.items()}
-    return Recorder(out.with_suffix(""), only).watch
+    return Recorder(out.with_suffix(""), only)
 
 
 def replay(

@@ -103,20 +103,18 @@ class _Often:
         names = [f"box{i}" for i in range(boxes.count)]
         self._transforms = messages.Transforms([*FRAMES, *names])
         self._joints = messages.Joints(JOINTS)
-        self._places = np.concatenate([moved.link_position, boxes.position], axis=1).tolist()
-        self._turns = np.concatenate(
-            [moved.link_quaternion, moved.mover_quaternion], axis=1
-        ).tolist()
-        self._positions = episode.joint_position.tolist()
-        self._velocities = episode.joint_velocity.tolist()
-        self._clearance = moved.clearance.tolist() if moved.clearance.min() < 0.5 * FAR else None
+        places = np.concatenate([moved.link_position, boxes.position], axis=1)
+        turns = np.concatenate([moved.link_quaternion, moved.mover_quaternion], axis=1)
+        # One instant's numbers become Python's at a time: many lists at once wake the garbage collector.
+        self._poses = np.concatenate([places, turns], axis=2).reshape(episode.instants, -1)
+        joints = np.stack([episode.joint_position, episode.joint_velocity], axis=2)
+        self._motion = joints.reshape(episode.instants, -1)
+        self._clearance = moved.clearance if moved.clearance.min() < 0.5 * FAR else None
 
     def at(self, instant: int, time: int) -> Iterator[tuple[str, object]]:
-        places, turns = self._places[instant], self._turns[instant]
-        yield "/tf", self._transforms.at(time, places, turns)
-        joints, speeds = self._positions[instant], self._velocities[instant]
-        yield "/joint_states", self._joints.at(time, joints, speeds)
-        if self._clearance:
+        yield "/tf", self._transforms.at(time, self._poses[instant].tolist())
+        yield "/joint_states", self._joints.at(time, self._motion[instant].tolist())
+        if self._clearance is not None:
             yield "/clearance", DoubleValue(value=self._clearance[instant])
 
 
@@ -255,7 +253,7 @@ def _arm(arm: str, time: int, color: messages.Color | None = None, red: int = -1
 def _arm_transforms(arm: str, time: int, joints: np.ndarray):
     places, turns = arm_at(joints)
     transforms = messages.Transforms([_named(arm, frame) for frame in FRAMES])
-    return transforms.at(time, places.tolist(), turns.tolist())
+    return transforms.at(time, np.concatenate([places, turns], axis=1).ravel().tolist())
 
 
 def _quaternions(rotation: np.ndarray) -> np.ndarray:

@@ -94,17 +94,23 @@ class Transforms:
         self._message = FrameTransforms()
         for frame in frames:
             self._message.transforms.add(parent_frame_id=WORLD, child_frame_id=frame)
+        self._transforms = list(self._message.transforms)
 
-    def at(self, time: int, positions: Sequence, quaternions: Sequence) -> FrameTransforms:
-        """Of each frame the position and the quaternion. Plain numbers: NumPy's are slow here."""
+    def at(self, time: int, poses: Sequence[float]) -> FrameTransforms:
+        """Of each frame x, y, z, and the quaternion's w, x, y, z, one after the other. Plain numbers: to
+        take NumPy's is slow here."""
         seconds, nanos = divmod(time, 10**9)
-        for transform, place, turn in zip(
-            self._message.transforms, positions, quaternions, strict=True
-        ):
-            transform.timestamp.seconds, transform.timestamp.nanos = seconds, nanos
-            vector, rotation = transform.translation, transform.rotation
-            vector.x, vector.y, vector.z = place
-            rotation.w, rotation.x, rotation.y, rotation.z = turn
+        numbers = iter(poses)
+        for transform in self._transforms:
+            stamp, vector, turn = transform.timestamp, transform.translation, transform.rotation
+            stamp.seconds, stamp.nanos = seconds, nanos
+            vector.x, vector.y, vector.z = next(numbers), next(numbers), next(numbers)
+            turn.w, turn.x, turn.y, turn.z = (
+                next(numbers),
+                next(numbers),
+                next(numbers),
+                next(numbers),
+            )
         return self._message
 
 
@@ -115,13 +121,14 @@ class Joints:
         self._message = JointStates()
         for name in names:
             self._message.joints.add(name=name)
+        self._joints = list(self._message.joints)
 
-    def at(self, time: int, positions: Sequence, velocities: Sequence) -> JointStates:
+    def at(self, time: int, motion: Sequence[float]) -> JointStates:
+        """Of each joint its position and its velocity."""
         stamp(self._message, time)
-        for joint, position, velocity in zip(
-            self._message.joints, positions, velocities, strict=True
-        ):
-            joint.position, joint.velocity = position, velocity
+        numbers = iter(motion)
+        for joint in self._joints:
+            joint.position, joint.velocity = next(numbers), next(numbers)
         return self._message
 
 

@@ -1,7 +1,9 @@
 """MCAP files of a run's episodes, in one folder."""
 
 from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from typing import Self
 
 from drpbench.evaluation import Header
 from drpbench.evaluation.rollout import Trace
@@ -15,11 +17,21 @@ from .reaction import dcp_rmp_of
 class Recorder:
     """Writes `FDO-00017.mcap` and the like into `folder`; a file that is there is replaced.
 
-    `only` says per task which instances `watch` takes; None takes all.
+    `only` says per task which instances `watch` takes; None takes all. As a context it watches a run, and
+    all files are written when it is left.
     """
 
     def __init__(self, folder: Path, only: Mapping[str, Collection[int]] | None = None):
         self.folder, self.only = folder, only
+        self._thread = ThreadPoolExecutor(1)
+        self._batch: Future | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._thread.shutdown()
+        self._finish()
 
     def write(self, header: Header, episode: Episode) -> Path:
         """Writes one episode of a run; returns the file's path. Raises RecordingError where that fails."""
@@ -38,7 +50,19 @@ class Recorder:
         return path
 
     def watch(self, header: Header, task: str, ids: Sequence[int], trace: Trace) -> None:
-        """Writes the episodes of a batch, as the run hands them over."""
+        """Writes the episodes of a batch while the next one runs: simulating leaves Python alone.
+
+        Raises RecordingError where those of the batch before could not be written.
+        """
+        self._finish()
+        self._batch = self._thread.submit(self._write_batch, header, task, list(ids), trace)
+
+    def _finish(self) -> None:
+        batch, self._batch = self._batch, None
+        if batch:
+            batch.result()
+
+    def _write_batch(self, header: Header, task: str, ids: list[int], trace: Trace) -> None:
         problems = load(task)
         for lane, id in enumerate(ids):
             if self.only is None or id in self.only[task]:

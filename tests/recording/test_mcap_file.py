@@ -29,7 +29,8 @@ def read(path):
 def files(rolled, header, tmp_path_factory):
     """Those that a run's hook writes of a whole batch."""
     folder = tmp_path_factory.mktemp("mcap")
-    Recorder(folder).watch(header, "FDO", rolled.ids, rolled.trace)
+    with Recorder(folder) as recorder:
+        recorder.watch(header, "FDO", rolled.ids, rolled.trace)
     return [read(folder / f"FDO-{id:05d}.mcap") for id in rolled.ids]
 
 
@@ -180,12 +181,16 @@ def test_a_crash_in_the_middle_leaves_the_old_file_or_none(rolled, header, tmp_p
 
 
 def test_only_those_asked_for_are_written(rolled, header, tmp_path):
-    Recorder(tmp_path, {"FDO": {17}}).watch(header, "FDO", rolled.ids, rolled.trace)
+    with Recorder(tmp_path, {"FDO": {17}}) as recorder:
+        recorder.watch(header, "FDO", rolled.ids, rolled.trace)
     assert [path.name for path in tmp_path.iterdir()] == ["FDO-00017.mcap"]
 
 
 def test_a_folder_that_cannot_be_written_is_one_line(rolled, header, tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(RecordingError, match="cannot be written") as error:
-        Recorder(tmp_path / "file").write(header, rolled.episodes[0])
+    with (
+        pytest.raises(RecordingError, match="cannot be written") as error,
+        Recorder(tmp_path / "file") as recorder,
+    ):
+        recorder.watch(header, "FDO", rolled.ids, rolled.trace)
     assert len(str(error.value).splitlines()) == 1
