@@ -210,21 +210,23 @@ def _reactions(
     found, shown = reaction(module, episode, instants), False
     for n, instant in enumerate(instants.tolist()):
         time = nanoseconds(instant)
-        if not found.active[n]:
+        if found.active[n] != shown:
+            # Shown once: its frames carry it from then on.
+            arm = [] if shown else _arm("modified", time, color=MODIFIED)
+            gone = [_named("modified", frame) for frame in FRAMES] if shown else []
+            yield instant, "/dcp_rmp/goal", messages.scene(arm, gone, time)
             if shown:
-                gone = ["closest", *(f"modified/{frame}" for frame in FRAMES)]
-                yield instant, "/dcp_rmp", messages.scene([], gone, time)
-            shown = False
+                yield instant, "/dcp_rmp/closest", messages.scene([], ["closest"], time)
+            shown = not shown
+        if not shown:
             continue
-        shown = True
         ends = found.arm_point[n], found.obstacle_point[n]
         closest = messages.entity("closest", messages.WORLD, time)
         messages.add_line(closest, ends, 0.006, CONTACT)
         for end in ends:
             messages.add_solid(closest, "sphere", (0.012,) * 3, end, _HERE[1], CONTACT)
-        arm = _arm("modified", time, color=MODIFIED)
+        yield instant, "/dcp_rmp/closest", messages.scene([closest])
         yield instant, "/tf", _arm_transforms("modified", time, found.goal_joints[n])
-        yield instant, "/dcp_rmp", messages.scene([closest, *arm])
 
 
 _HERE = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))

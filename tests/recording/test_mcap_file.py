@@ -147,10 +147,8 @@ def test_dcp_rmp_shows_what_it_gives_way_to(files, rolled):
     shown = 0
     for (found, _), episode in zip(files, rolled.episodes, strict=True):
         movers = episode.boxes
-        for time, message in found["/dcp_rmp"]:
+        for time, message in found["/dcp_rmp/closest"]:
             for entity in message.entities:
-                if entity.id != "closest":
-                    continue
                 k, shown = round(time * 60 / 1e9), shown + 1
                 point = entity.lines[0].points[1]
                 local = np.einsum(
@@ -161,6 +159,17 @@ def test_dcp_rmp_shows_what_it_gives_way_to(files, rolled):
                 off = np.abs((np.abs(local) / movers.half_size[k]).max(axis=1) - 1.0)
                 assert off[movers.active[k]].min() < 1e-3
     assert shown > 10
+
+
+def test_the_modified_goal_is_shown_while_it_is_one(files):
+    """Its arm appears and vanishes in turn, and each of its poses lies in between."""
+    for found, _ in files:
+        turns = found["/dcp_rmp/goal"]
+        assert [bool(m.entities) for _, m in turns] == [n % 2 == 0 for n in range(len(turns))]
+        poses = [t for t, m in found["/tf"] if m.transforms[0].child_frame_id == "modified/link0"]
+        ends = [time for time, _ in turns] + [nanoseconds(1000) + 1] * (len(turns) % 2)
+        spans = list(zip(ends[::2], ends[1::2], strict=True))
+        assert poses and all(any(a <= time < b for a, b in spans) for time in poses)
 
 
 def test_a_crash_in_the_middle_leaves_the_old_file_or_none(rolled, header, tmp_path, monkeypatch):
