@@ -94,14 +94,14 @@ def replay(
         def wrote(path: Path) -> None:
             console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 
+        replayer = Replayer(run, result, ran)
+        task = task and task.upper()
+        rows = [replayer.row(task, id)] if grid is None else replayer.spread(task, grid)
         if video or grid:
             from drpbench.recording.offscreen import choose_platform
             from drpbench.recording.video import film, film_grid, suffix
 
             choose_platform()  # before anything takes long
-        replayer = Replayer(run, result, ran)
-        task = task and task.upper()
-        rows = [replayer.row(task, id)] if grid is None else replayer.spread(task, grid)
         found = replayer.replay(rows)
         for replay in found:
             if replay.remark:

@@ -26,7 +26,7 @@ TABLE = (0.88, 0.86, 0.82)
 MOVER = (0.20, 0.42, 0.86)
 GHOST = (1.00, 0.60, 0.10)
 CONTACT = (0.92, 0.07, 0.10)
-_GHOST_OPACITY = 0.55
+_GHOST_OPACITY = 0.42
 _APART = 0.004  # [m] nearer than this, ghost and arm are the same
 _BACKGROUND = (0.97, 0.975, 0.98)
 

@@ -1,0 +1,46 @@
+"""Draws an episode at several instants, side by side: docs/episode.png.
+
+python scripts/draw_episode.py [--task FDO] [--id 18] [--out docs/episode.png]
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from drpbench.compile import use_cache
+from drpbench.envs import TASKS
+from drpbench.evaluation import Rollout
+from drpbench.evaluation.registry import choose
+from drpbench.evaluation.rollout import take
+from drpbench.problems import load
+from drpbench.recording import motion, traced
+from drpbench.recording.stage import Stage
+
+SIZE = (480, 400)  # [pixels] of one instant
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--task", default="FDO")
+    parser.add_argument("--id", type=int, default=18)
+    parser.add_argument("--policy", default="straight")
+    parser.add_argument("--steps", type=int, nargs="+", default=[60, 240, 380])
+    parser.add_argument("--out", type=Path, default=Path("docs/episode.png"))
+    arguments = parser.parse_args()
+    use_cache()
+    problems = load(arguments.task)
+    rollout = Rollout(TASKS[arguments.task], choose(arguments.policy).policy)
+    trace = rollout.run(take(problems, [arguments.id]))
+    episode = traced(arguments.task, arguments.id, problems, 0, trace, 0)
+    moved, stage = motion(episode), Stage(*SIZE)
+    pictures = [stage.draw(episode, moved, step + 1) for step in arguments.steps]
+    stage.close()
+    # 128 colours are enough, and a quarter of the bytes.
+    sheet = Image.fromarray(np.hstack(pictures)).quantize(128, dither=Image.Dither.NONE)
+    sheet.save(arguments.out, optimize=True)
+
+
+if __name__ == "__main__":
+    main()
