@@ -67,7 +67,7 @@ def plot(history: list[Progress], path: Path) -> None:
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
     upper, lower = figure.subplots(2, sharex=True)
     upper.plot([p.samples for p in history], [p.loss for p in history], color="tab:blue")
-    upper.set(ylabel="loss", yscale="log")
+    upper.set(ylabel="loss", ylim=(0, None))
     scored = [p for p in history if p.validated]
     samples = [p.samples for p in scored]
     for name, colour in (
