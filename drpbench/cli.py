@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from drpbench import cli_learning, cli_recording, cli_results
+from drpbench import cli_learning, cli_recording, cli_report, cli_results
 from drpbench.refused import Refused
 
 TASK_NAMES = ("SE", "SAO", "FDO", "GB", "DGB")
@@ -69,7 +69,11 @@ def parse_tasks(text: str) -> list[str]:
 
 
 def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
-    """Ids from `20` (so many, spread evenly), `3,17` or `0-9`; None for all of them."""
+    """Ids from `20` (the first so many), `3,17` or `0-9`; None for all of them.
+
+    Families, pairs and levels take turns from one id to the next, so the first ones are a fair sample; every
+    tenth one would be of half of the families.
+    """
     if text is None or text == "all":
         return None
     try:
@@ -77,7 +81,7 @@ def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
             wanted = int(text)
             if not 0 < wanted <= count:
                 raise Refused(f"--problems {text}: {task} has 1 to {count} problems to choose from")
-            return None if wanted == count else [i * count // wanted for i in range(wanted)]
+            return None if wanted == count else list(range(wanted))
         ids: list[int] = []
         for part in text.rstrip(",").split(","):
             first, _, last = part.partition("-")
@@ -363,6 +367,7 @@ def referee(
 app.command()(cli_learning.data)
 app.command()(cli_learning.train)
 app.command()(cli_recording.replay)
+app.command()(cli_report.report)
 app.command()(cli_results.submit)
 app.command()(cli_results.verify)
 

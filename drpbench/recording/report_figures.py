@@ -1,0 +1,157 @@
+"""The figures of a report: counts over the rows of results, small enough to be embedded in a page.
+
+Rows that are not valid stand in no count, and a row that failed to run stays in every denominator.
+"""
+
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
+
+import numpy as np
+
+from drpbench.envs import CONTROL_PERIOD, CONTROL_STEPS
+from drpbench.evaluation.leaderboard import Leaderboard
+from drpbench.evaluation.results import Result, Row
+from drpbench.evaluation.statistics import wilson
+
+TIMES = np.arange(0, CONTROL_STEPS + 1, 10) * CONTROL_PERIOD  # [s]
+CLEARANCES = np.arange(-6, 21) / 100  # [m] edges of bins; the outermost bins are open
+ERRORS = np.logspace(-4, 0, 81)  # [m]
+
+COLLIDED, LEFT, NOT_REACHED, FAILED = range(4)
+REASONS = ("collided", "left the goal", "not reached", "failed to run")
+"""Why an instance is no success, the first that holds: FAILED, COLLIDED, LEFT, NOT_REACHED."""
+
+ABSENT = -1
+"""In the columns of failures, whose values are integers: there is no such value."""
+
+
+def figures(board: Leaderboard, results: Mapping[str, Result], folder: PurePath) -> dict:
+    """Everything that the page draws, as plain values for JSON.
+
+    Args:
+        board: of these results; it gives the order of policies and tasks.
+        results: by file name.
+        folder: where the files lie, for the commands that replay an episode.
+
+    Returns:
+        `policies` (name, privileged), `tasks`, `reasons`, the grids `times` [s], `clearances` [m] and
+        `errors` [m], `cells` (see `cell`, with the indices `policy` and `task`) and `failures` (see
+        `failures`).
+    """
+    names = [entry.policy for entry in board.entries]
+    cells = []
+    rows: dict[tuple[str, str], list[Row]] = {}
+    for result in results.values():
+        for row in result.rows:
+            if row.valid:
+                rows.setdefault((result.header.policy, row.task), []).append(row)
+    for policy, name in enumerate(names):
+        for task, title in enumerate(board.tasks):
+            if (name, title) in rows:
+                cells.append({"policy": policy, "task": task, **cell(rows[name, title])})
+    return {
+        "policies": [{"name": e.policy, "privileged": e.privileged} for e in board.entries],
+        "tasks": list(board.tasks),
+        "reasons": REASONS,
+        "times": [round(t, 4) for t in TIMES.tolist()],
+        "clearances": CLEARANCES.tolist(),
+        "errors": [float(f"{x:.5g}") for x in ERRORS.tolist()],
+        "cells": cells,
+        "failures": failures(names, board.tasks, results, folder),
+    }
+
+
+def cell(rows: Sequence[Row]) -> dict:
+    """The figures of one policy on one task.
+
+    Returns:
+        `n` rows; `families`: per family its name, successes k, rows n and Wilson's 95 % interval of k/n;
+        `times`: successes that are at the goal to stay at each of TIMES; `clearances`: rows by smallest
+        clearance, in one bin more than there are edges; `errors`: rows with a final position error below
+        each of ERRORS.
+    """
+    families: dict[str, list[bool]] = {}
+    for row in rows:
+        families.setdefault(row.family, []).append(row.success)
+    to_stay = np.sort([row.time_to_goal for row in rows if row.success])
+    clearance = np.array([r.min_clearance for r in rows if r.min_clearance is not None], float)
+    error = np.sort([row.position_error for row in rows if row.position_error is not None])
+    bins = np.searchsorted(CLEARANCES, clearance, side="right")
+    return {
+        "n": len(rows),
+        "families": [
+            [name, sum(won), len(won), *(round(x, 5) for x in wilson(sum(won), len(won)))]
+            for name, won in sorted(families.items())
+        ],
+        # A time in a row is rounded to six digits, by less than a thousandth of a control step.
+        "times": np.searchsorted(to_stay, TIMES + 1e-3 * CONTROL_PERIOD, side="right").tolist(),
+        "clearances": np.bincount(bins, minlength=len(CLEARANCES) + 1).tolist(),
+        "errors": np.searchsorted(error, ERRORS, side="left").tolist(),
+    }
+
+
+def failures(
+    policies: Sequence[str],
+    tasks: Sequence[str],
+    results: Mapping[str, Result],
+    folder: PurePath,
+) -> dict:
+    """The instances that are no success, packed into columns of integers.
+
+    Returns:
+        The lists that columns point into: `replays` (of each file the command that replays an episode,
+        up to its id), `families`, `links`, `statuses`; and `columns`, with the indices `policy`, `task`,
+        `replay`, `family`, `reason`, `link` and `status`, the `id`, the control `step` of the first
+        collision, and the final errors `position` [0.1 mm] and `orientation` [0.1 degrees].
+        ABSENT where there is none.
+    """
+    lists: dict[str, dict[str, int]] = {"families": {}, "links": {}, "statuses": {}}
+
+    def place(name: str, value: str | None) -> int:
+        return ABSENT if value is None else lists[name].setdefault(value, len(lists[name]))
+
+    packed = []
+    for file, result in enumerate(results.values()):
+        policy = policies.index(result.header.policy)
+        for row in result.rows:
+            if row.success or not row.valid:
+                continue
+            packed.append(
+                {
+                    "policy": policy,
+                    "task": tasks.index(row.task),
+                    "id": row.id,
+                    "replay": file,
+                    "family": place("families", row.family),
+                    "reason": reason(row),
+                    "step": ABSENT
+                    if row.first_collision_step is None
+                    else row.first_collision_step,
+                    "link": place("links", row.first_collision_link),
+                    "position": _scaled(row.position_error, 1e4),
+                    "orientation": _scaled(row.orientation_error, 1800 / np.pi),
+                    "status": place("statuses", None if row.status == "ok" else row.status),
+                }
+            )
+    packed.sort(key=lambda row: (row["policy"], row["task"], row["id"]))
+    fields = ("policy", "task", "id", "replay", "family", "reason")
+    fields += ("step", "link", "position", "orientation", "status")
+    return {
+        "replays": [f"drpbench replay {shlex.quote(str(folder / name))}" for name in results],
+        **{name: list(values) for name, values in lists.items()},
+        "columns": {field: [row[field] for row in packed] for field in fields},
+    }
+
+
+def reason(row: Row) -> int:
+    """Why a row is no success, an index into REASONS."""
+    if row.status != "ok":
+        return FAILED
+    if row.collided:
+        return COLLIDED
+    return LEFT if row.reached_once else NOT_REACHED
+
+
+def _scaled(value: float | None, scale: float) -> int:
+    return ABSENT if value is None else round(value * scale)
