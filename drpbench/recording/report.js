@@ -17,7 +17,14 @@ function build(parent, tag, attributes = {}, text) {
 }
 
 const count = number => number.toLocaleString("en-GB");
-const percent = share => (100 * share).toFixed(share > 0 && share < 1 ? 1 : 0);
+
+// As the leaderboard's: none and all without a decimal, and a tie goes to the even digit (56.25 to 56.2).
+function percent(share) {
+  const value = 100 * share;
+  if (share <= 0 || share >= 1) return value.toFixed(0);
+  return (value % 1 === 0.25 ? value - 0.01 : value).toFixed(1);
+}
+
 const stroke = policy => `c${policy % 8} d${Math.floor(policy / 8) % 4}`;
 const fill = policy => `f${policy % 8}`;
 
@@ -101,9 +108,12 @@ function drawBars(parent) {
     const families = [...new Set(cells.flatMap(cell => cell.families.map(line => line[0])))].sort();
     const lines = families.map(name => [name, cells.flatMap(cell =>
       cell.families.filter(line => line[0] === name).map(line => [cell.policy, ...line.slice(1)]))]);
-    const bar = 11, label = 18, gap = 8;
+    if (lines.length > 1) {
+      lines.unshift(["all families", cells.map(cell => [cell.policy, ...cell.success])]);
+    }
+    const bar = 15, label = 19, gap = 8;
     const height = lines.reduce((sum, [, bars]) => sum + label + bars.length * bar + gap, 0);
-    const width = card.clientWidth - 26, room = width - 112;
+    const width = card.clientWidth - 26, room = width - 118;
     const title = `Success on ${tasks[index]} by scene family; the figures are in the table below`;
     const svg = build(card, "svg", { width, height, role: "img", "aria-label": title });
     let y = 0;
@@ -111,13 +121,13 @@ function drawBars(parent) {
       build(svg, "text", { x: 0, y: y + 13 }, name);
       y += label;
       for (const [policy, k, n, low, high] of bars) {
-        build(svg, "rect", { class: "track", x: 0, y, width: room, height: bar - 2 });
+        build(svg, "rect", { class: "track", x: 0, y, width: room, height: bar - 3 });
         const solid = build(svg, "rect",
-          { class: fill(policy), x: 0, y, width: room * k / n, height: bar - 2 });
+          { class: fill(policy), x: 0, y, width: room * k / n, height: bar - 3 });
         build(solid, "title", {}, `${policies[policy].name}: ${k}/${n}`);
-        const middle = y + bar / 2 - 1;
+        const middle = y + (bar - 3) / 2;
         build(svg, "path", { class: "whisker", d: `M${room * low} ${middle}H${room * high}` });
-        build(svg, "text", { class: "faint", x: room + 6, y: y + bar - 2 },
+        build(svg, "text", { class: "faint", x: room + 6, y: y + bar - 4 },
           `${percent(k / n)} (${k}/${n})`);
         y += bar;
       }
@@ -269,6 +279,7 @@ const FIELDS = [
   ["Error [°]", i => fixed(columns.orientation[i], 10, 1), "orientation"],
   ["To see it", replay, null],
 ];
+const NUMBERS = new Set(["id", "position", "orientation"]);
 const fixed = (value, scale, digits) => (value === ABSENT ? "–" : (value / scale).toFixed(digits));
 
 function select(parent, label, name, values) {
@@ -324,9 +335,9 @@ function listFailures() {
   body.textContent = "";
   for (const i of lines) {
     const row = build(body, "tr");
-    for (const [title, text, column] of FIELDS) {
-      const cell = build(row, "td", typeof columns[column]?.[i] === "number" &&
-        /Id|Error/.test(title) ? { class: "number" } : {}, column ? text(i) : undefined);
+    for (const [, text, column] of FIELDS) {
+      const kind = NUMBERS.has(column) ? { class: "number" } : {};
+      const cell = build(row, "td", kind, column ? text(i) : undefined);
       if (!column) build(cell, "code", {}, text(i));
     }
   }

@@ -4,7 +4,7 @@ Rows that are not valid stand in no count, and a row that failed to run stays in
 """
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePath
 
 import numpy as np
@@ -66,7 +66,8 @@ def cell(rows: Sequence[Row]) -> dict:
     """The figures of one policy on one task.
 
     Returns:
-        `n` rows; `families`: per family its name, successes k, rows n and Wilson's 95 % interval of k/n;
+        `n` rows; `success`: successes k, rows n and Wilson's 95 % interval of k/n; `families`: of each its
+        name, and the same;
         `times`: successes that are at the goal to stay at each of TIMES; `clearances`: rows by smallest
         clearance, in one bin more than there are edges; `errors`: rows with a final position error below
         each of ERRORS.
@@ -80,10 +81,8 @@ def cell(rows: Sequence[Row]) -> dict:
     bins = np.searchsorted(CLEARANCES, clearance, side="right")
     return {
         "n": len(rows),
-        "families": [
-            [name, sum(won), len(won), *(round(x, 5) for x in wilson(sum(won), len(won)))]
-            for name, won in sorted(families.items())
-        ],
+        "success": _rate([row.success for row in rows]),
+        "families": [[name, *_rate(won)] for name, won in sorted(families.items())],
         # A time in a row is rounded to six digits, by less than a thousandth of a control step.
         "times": np.searchsorted(to_stay, TIMES + 1e-3 * CONTROL_PERIOD, side="right").tolist(),
         "clearances": np.bincount(bins, minlength=len(CLEARANCES) + 1).tolist(),
@@ -106,41 +105,41 @@ def failures(
         collision, and the final errors `position` [0.1 mm] and `orientation` [0.1 degrees].
         ABSENT where there is none.
     """
-    lists: dict[str, dict[str, int]] = {"families": {}, "links": {}, "statuses": {}}
-
-    def place(name: str, value: str | None) -> int:
-        return ABSENT if value is None else lists[name].setdefault(value, len(lists[name]))
-
-    packed = []
-    for file, result in enumerate(results.values()):
-        policy = policies.index(result.header.policy)
-        for row in result.rows:
-            if row.success or not row.valid:
-                continue
-            packed.append(
-                {
-                    "policy": policy,
-                    "task": tasks.index(row.task),
-                    "id": row.id,
-                    "replay": file,
-                    "family": place("families", row.family),
-                    "reason": reason(row),
-                    "step": ABSENT
-                    if row.first_collision_step is None
-                    else row.first_collision_step,
-                    "link": place("links", row.first_collision_link),
-                    "position": _scaled(row.position_error, 1e4),
-                    "orientation": _scaled(row.orientation_error, 1800 / np.pi),
-                    "status": place("statuses", None if row.status == "ok" else row.status),
-                }
-            )
-    packed.sort(key=lambda row: (row["policy"], row["task"], row["id"]))
+    failed = [
+        (file, result.header.policy, row)
+        for file, result in enumerate(results.values())
+        for row in result.rows
+        if row.valid and not row.success
+    ]
+    families = _places(row.family for _, _, row in failed)
+    links = _places(row.first_collision_link for _, _, row in failed)
+    statuses = _places(None if row.status == "ok" else row.status for _, _, row in failed)
+    rank = {policy: place for place, policy in enumerate(policies)}
+    packed = sorted(
+        (
+            rank[policy],
+            tasks.index(row.task),
+            row.id,
+            file,
+            families[row.family],
+            reason(row),
+            ABSENT if row.first_collision_step is None else row.first_collision_step,
+            links.get(row.first_collision_link, ABSENT),
+            _scaled(row.position_error, 1e4),
+            _scaled(row.orientation_error, 1800 / np.pi),
+            statuses.get(row.status, ABSENT),
+        )
+        for file, policy, row in failed
+    )
     fields = ("policy", "task", "id", "replay", "family", "reason")
     fields += ("step", "link", "position", "orientation", "status")
+    columns = zip(*packed, strict=True) if packed else [()] * len(fields)
     return {
         "replays": [f"drpbench replay {shlex.quote(str(folder / name))}" for name in results],
-        **{name: list(values) for name, values in lists.items()},
-        "columns": {field: [row[field] for row in packed] for field in fields},
+        "families": list(families),
+        "links": list(links),
+        "statuses": list(statuses),
+        "columns": dict(zip(fields, map(list, columns), strict=True)),
     }
 
 
@@ -151,6 +150,16 @@ def reason(row: Row) -> int:
     if row.collided:
         return COLLIDED
     return LEFT if row.reached_once else NOT_REACHED
+
+
+def _rate(won: Sequence[bool]) -> list[float]:
+    k, n = sum(won), len(won)
+    return [k, n, *(round(bound, 6) for bound in wilson(k, n))]
+
+
+def _places(values: Iterable[str | None]) -> dict[str, int]:
+    """Each value's place in alphabetical order; none for None."""
+    return {value: place for place, value in enumerate(sorted({*values} - {None}))}
 
 
 def _scaled(value: float | None, scale: float) -> int:
