@@ -172,27 +172,26 @@ def _paired(board: Leaderboard) -> str:
 
 
 def _runs(results: Mapping[str, Result]) -> str:
-    heads = ["File", "Policy", "Tasks", "Rows", "Seed", "Device", "Batch", "Made", "Versions"]
+    heads = ["File", "Policy", "Tasks", "Rows", "Seed", "Device", "Batch", "Made", "Parameters"]
     lines = []
     for name, result in results.items():
         header = result.header
-        parameters = ", ".join(f"{key}={value}" for key, value in header.policy_parameters.items())
-        lines.append(
-            _row(
-                "td",
-                [
-                    name,
-                    header.policy + (f" ({parameters})" if parameters else ""),
-                    " ".join(header.tasks),
-                    f"{len(result.rows):,}",
-                    str(header.seed),
-                    f"{header.device}, {header.precision}",
-                    str(header.batch_size),
-                    f"{header.created[:16].replace('T', ' ')} UTC, {header.wall_seconds:.0f} s",
-                    ", ".join(f"{key} {value}" for key, value in header.versions.items()),
-                ],
-            )
-        )
+        cells = [
+            name,
+            header.policy,
+            " ".join(header.tasks),
+            f"{len(result.rows):,}",
+            str(header.seed),
+            f"{header.device}, {header.precision}",
+            str(header.batch_size),
+            f"{header.created[:16].replace('T', ' ')} UTC, {header.wall_seconds:.0f} s",
+        ]
+        parameters = "; ".join(f"{key} {value}" for key, value in header.policy_parameters.items())
+        versions = "; ".join(f"{key} {value}" for key, value in header.versions.items())
+        told = f"{escape(parameters)}</p><p>{escape(versions)}"
+        details = f"<details><summary>show</summary><p>{told}</p></details>"
+        line = _row("td", cells)
+        lines.append(line.removesuffix("</tr>") + f"<td>{details}</td></tr>")
     return _table("runs", "The runs", _row("th", heads), "\n".join(lines))
 
 

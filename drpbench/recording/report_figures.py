@@ -83,8 +83,8 @@ def cell(rows: Sequence[Row]) -> dict:
         "n": len(rows),
         "success": _rate([row.success for row in rows]),
         "families": [[name, *_rate(won)] for name, won in sorted(families.items())],
-        # A time in a row is rounded to six digits, by less than a thousandth of a control step.
-        "times": np.searchsorted(to_stay, TIMES + 1e-3 * CONTROL_PERIOD, side="right").tolist(),
+        # A time in a row is rounded to six digits, by less than a hundredth of a control step.
+        "times": np.searchsorted(to_stay, TIMES + 0.1 * CONTROL_PERIOD, side="right").tolist(),
         "clearances": np.bincount(bins, minlength=len(CLEARANCES) + 1).tolist(),
         "errors": np.searchsorted(error, ERRORS, side="left").tolist(),
     }

@@ -1,0 +1,328 @@
+"""The report: its figures against the rows, its HTML without a browser, and its script in one."""
+
+import json
+from html.parser import HTMLParser
+from pathlib import PurePath
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from drpbench.cli import app
+from drpbench.evaluation.leaderboard import build, load_dir
+from drpbench.evaluation.results import VERSIONED, Header, Result, Row, save
+from drpbench.evaluation.shipped import shipped_results
+from drpbench.evaluation.statistics import wilson
+from drpbench.problems import counts
+from drpbench.recording.report import render
+from drpbench.recording.report_figures import (
+    CLEARANCES,
+    COLLIDED,
+    ERRORS,
+    FAILED,
+    LEFT,
+    NOT_REACHED,
+    TIMES,
+    cell,
+    figures,
+    reason,
+)
+
+from .browser import ABSENT, CHROMIUM, Browser
+
+EXPECTED = {"SE": 4, "FDO": 3}
+HOSTILE = "<script>throw 1</script><!--\"'&{{data}}</title>"
+VOID = {"meta", "link", "input", "br"}
+
+
+def row(task="FDO", id=0, reached=True, collided=False, **changes):
+    fields = {
+        "id": id,
+        "task": task,
+        "family": "box",
+        "success": reached and not collided,
+        "reached": reached,
+        "reached_5cm": reached,
+        "reached_once": reached,
+        "collided": collided,
+        "first_collision_step": 30 if collided else None,
+        "first_collision_link": "hand" if collided else None,
+        "self_collided": False,
+        "min_clearance": -0.001 if collided else 0.02,
+        "position_error": 0.004 if reached else 0.3,
+        "orientation_error": 0.1,
+        "time_to_goal": 4.5 if reached else None,
+        "joint_path_length": 6.0,
+        "ee_path_length": 1.5,
+        "sparc_joint": -2.5,
+        "sparc_ee": -2.0,
+        "joint_limit_violation": False,
+    }
+    return Row(**(fields | changes))
+
+
+def result(policy, rows, **changes):
+    tasks = list(dict.fromkeys(r.task for r in rows))
+    fields = {
+        "policy": policy,
+        "policy_parameters": {"gain": 1.0},
+        "privileged": False,
+        "tasks": tasks,
+        "problem_set": "drpbench-v1",
+        "problem_set_sha256": "a" * 64,
+        "seed": 0,
+        "precision": "float32",
+        "device": "cpu",
+        "batch_size": 64,
+        "versions": dict.fromkeys(VERSIONED, "1.0"),
+        "platform": "Linux",
+        "created": "2025-01-01T00:00:00+00:00",
+        "problems": dict.fromkeys(tasks),
+        "wall_seconds": 0.0,
+    }
+    return Result(header=Header(**(fields | changes)), rows=rows)
+
+
+def some_results():
+    """Two policies, one of them privileged and of a hostile name."""
+    good = [row("SE", i) for i in range(4)] + [row("FDO", i, collided=i == 2) for i in range(3)]
+    poor = [row("SE", i, reached=False, family=HOSTILE) for i in range(4)]
+    poor += [row("FDO", 0, collided=True, first_collision_link=HOSTILE)]
+    poor += [row("FDO", 1, reached=False, status=HOSTILE), row("FDO", 2)]
+    hostile = result(HOSTILE, poor, privileged=True, device=HOSTILE)
+    return {"good.json": result("good", good), "it's.json": hostile}
+
+
+class Page(HTMLParser):
+    """Open tags must be closed; keeps the text of each table's cells and of each script."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.open, self.tags, self.tables, self.scripts, self.links = [], [], [], [], []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        self.links += [value for name, value in attributes if name in ("src", "href")]
+        if tag not in VOID:
+            self.open.append(tag)
+        match tag:
+            case "table":
+                self.tables.append([])
+            case "tr":
+                self.tables[-1].append([])
+            case "th" | "td":
+                self.tables[-1][-1].append("")
+            case "script":
+                self.scripts.append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if "script" in self.open:
+            self.scripts[-1] += data
+        elif self.open and {"th", "td"} & set(self.open):
+            self.tables[-1][-1][-1] += data
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return load_dir(shipped_results())
+
+
+def test_the_figures_of_the_shipped_results_are_their_rows_counted_one_by_one(shipped):
+    drawn = figures(build(shipped, counts()), shipped, PurePath("x"))
+    assert sum(c["n"] for c in drawn["cells"]) == sum(
+        r.valid for f in shipped.values() for r in f.rows
+    )
+    for c in drawn["cells"][::3]:
+        policy, task = drawn["policies"][c["policy"]]["name"], drawn["tasks"][c["task"]]
+        rows = [
+            r
+            for f in shipped.values()
+            for r in f.rows
+            if f.header.policy == policy and r.task == task and r.valid
+        ]
+        k = sum(r.success for r in rows)
+        assert c["success"] == pytest.approx([k, len(rows), *wilson(k, len(rows))], abs=1e-6)
+        assert [sum(f[1] for f in c["families"]), sum(f[2] for f in c["families"])] == [
+            k,
+            len(rows),
+        ]
+        assert c["times"][-1] == k
+        for j in (10, 40, 77):
+            steps = [round(60 * r.time_to_goal) for r in rows if r.success]
+            assert c["times"][j] == sum(step <= 10 * j for step in steps)
+            assert c["errors"][j] == sum(
+                r.position_error is not None and r.position_error < ERRORS[j] for r in rows
+            )
+        below_zero = sum(c["clearances"][: int(np.argmin(np.abs(CLEARANCES))) + 1])
+        assert below_zero == sum(r.collided for r in rows)
+        assert sum(c["clearances"]) == sum(r.min_clearance is not None for r in rows)
+
+
+def test_failures_are_listed_with_their_reason_and_the_command_that_shows_them():
+    results = some_results()
+    failures = figures(build(results, EXPECTED), results, PurePath("a b"))["failures"]
+    columns = failures["columns"]
+    found = zip(columns["policy"], columns["task"], columns["id"], columns["reason"], strict=True)
+    assert list(found) == [
+        (0, 1, 2, COLLIDED),
+        *((1, 0, i, NOT_REACHED) for i in range(4)),
+        (1, 1, 0, COLLIDED),
+        (1, 1, 1, FAILED),
+    ]
+    assert failures["replays"] == [
+        "drpbench replay 'a b/good.json'",
+        """drpbench replay 'a b/it'"'"'s.json'""",
+    ]
+    assert [columns["replay"][i] for i in (0, 1)] == [0, 1]
+    assert (columns["step"][0], failures["links"][columns["link"][0]]) == (30, "hand")
+    assert columns["position"][1] == 3000 and columns["orientation"][1] == 57
+    assert failures["statuses"][columns["status"][-1]] == HOSTILE
+
+
+def test_rows_that_are_not_valid_stand_in_no_figure():
+    rows = [row(id=0), row(id=1, valid=False), row(id=2, reached=False, valid=False)]
+    results = {"a": result("a", rows)}
+    drawn = figures(build(results, EXPECTED), results, PurePath())
+    assert drawn["cells"][0]["n"] == drawn["cells"][0]["clearances"][8 + 1] == 1
+    assert drawn["failures"]["columns"]["id"] == []
+
+
+def test_a_row_that_failed_to_run_stays_in_every_denominator():
+    fields = {"position_error": None, "min_clearance": None, "status": "nan"}
+    drawn = cell([row(), row(id=1, reached=False, **fields)])
+    assert drawn["n"] == 2 and drawn["times"][-1] == 1 == drawn["errors"][-1]
+    assert len(drawn["times"]) == len(TIMES) and len(drawn["errors"]) == len(ERRORS)
+
+
+def test_the_reason_is_the_first_that_holds():
+    assert reason(row(reached=False, collided=True, status="nan")) == FAILED
+    assert reason(row(reached=False, collided=True, reached_once=True)) == COLLIDED
+    assert reason(row(reached=False, reached_once=True)) == LEFT
+    assert reason(row(reached=False)) == NOT_REACHED
+
+
+def test_the_page_is_whole_needs_nothing_else_and_says_what_the_leaderboard_says():
+    page = Page(render(some_results(), EXPECTED))
+    assert not page.open and page.links == ["data:,"]
+    assert page.tables[0][0] == ["Policy", "SE", "FDO", "All"]
+    assert [line[0] for line in page.tables[0][1:]] == ["good", HOSTILE + "†"]
+    assert page.tables[0][1][1] == "100 [51.0, 100]4/4"
+    assert page.tables[0][1][2] == "66.7 [20.8, 93.9]2/3"
+
+
+def test_what_result_files_say_is_text_and_nothing_else():
+    html = render(some_results(), EXPECTED)
+    page = Page(html)
+    assert len(page.scripts) == 2 and html.count("<script>throw") == 0
+    assert html.count("<!--") == 0
+    data = json.loads(page.scripts[0])
+    assert data["policies"][1] == {"name": HOSTILE, "privileged": True}
+
+
+def test_the_command_writes_the_report_and_refuses_another_ending(tmp_path):
+    for name, found in some_results().items():
+        save(found, tmp_path / "results" / name)
+    out = tmp_path / "new" / "report.html"
+    told = CliRunner().invoke(app, ["report", str(tmp_path / "results"), "--out", str(out)])
+    assert told.exit_code == 0 and f"wrote {out}" in told.output
+    assert f"drpbench replay {tmp_path}/results/good.json" in out.read_text()
+    assert [path.name for path in out.parent.iterdir()] == ["report.html"]
+    wrong = CliRunner().invoke(app, ["report", "--out", str(tmp_path / "results" / "good.json")])
+    assert "must end in .html" in str(wrong.exception)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    if CHROMIUM is None:
+        pytest.skip(ABSENT)
+    with Browser(tmp_path_factory.mktemp("chromium")) as browser:
+        yield browser
+
+
+def opened(browser, path, results, expected):
+    path.write_text(render(results, expected, "results"), encoding="utf-8")
+    browser.errors.clear()
+    browser.requests.clear()
+    browser.open(path)
+    assert browser.requests == [path.resolve().as_uri()]
+
+
+LINES = (
+    "[...document.querySelectorAll('#failed tr')].map(r => [...r.cells].map(c => c.textContent))"
+)
+RANKED = (
+    "[...document.querySelectorAll('.measure[open] tbody tr')].filter(r => !r.hidden)"
+    ".map(r => r.cells[0].textContent)"
+)
+
+
+def test_a_browser_draws_sorts_and_filters_without_complaint(browser, tmp_path):
+    opened(browser, tmp_path / "report.html", some_results(), EXPECTED)
+    js = browser.js
+    assert js("document.querySelectorAll('#bars .card svg').length") == 2
+    assert js("document.querySelectorAll('#times .line, #errors .line').length") == 4
+    assert js("document.querySelectorAll('#clearances svg').length") == 2
+
+    assert js(RANKED) == ["good", HOSTILE + "†"]
+    js("document.querySelectorAll('.measure[open] thead button')[1].click()")
+    js("document.querySelectorAll('.measure[open] thead button')[1].click()")
+    assert js(RANKED) == [HOSTILE + "†", "good"]
+    assert js("document.querySelector('.measure[open] [aria-sort]').ariaSort") == "ascending"
+
+    listed = js(LINES)
+    assert len(listed) == 7 and listed[0][:5] == [
+        "good",
+        "FDO",
+        "2",
+        "box",
+        "collided: hand at step 30",
+    ]
+    assert listed[0][7] == "drpbench replay results/good.json --id 2 --task FDO"
+    assert listed[-1][:5] == [HOSTILE, "FDO", "1", "box", f"failed to run: {HOSTILE}"]
+    js("document.querySelectorAll('.list thead button')[2].click()")  # by id
+    assert [line[2] for line in js(LINES)] == ["0", "0", "1", "1", "2", "2", "3"]
+    choose = "const c = {}; c.value = {}; c.dispatchEvent(new Event('change'))"
+    js("{" + choose.format("document.querySelector('[data-filter=reason]')", COLLIDED) + "}")
+    assert [line[:3] for line in js(LINES)] == [[HOSTILE, "FDO", "0"], ["good", "FDO", "2"]]
+    js("{" + choose.format("document.getElementById('task')", 0) + "}")
+    assert js(LINES) == [] and js("document.querySelectorAll('#bars .card').length") == 1
+    assert js(
+        "[...document.querySelectorAll('.measure[open] th[data-task]')].map(c => c.hidden)"
+    ) == [
+        False,
+        True,
+        True,
+    ]
+
+    js("document.getElementById('privileged').click()")
+    assert js(RANKED) == ["good"] and js("document.querySelectorAll('#times .line').length") == 1
+    js("document.querySelector('#policies input').click()")
+    assert js(RANKED) == [] and "No policy" in js("document.getElementById('times').textContent")
+    assert js("document.scripts.length") == 2
+    assert browser.errors == []
+
+
+def test_a_phone_in_the_dark_sees_every_section_and_scrolls_only_tables(browser, tmp_path, shipped):
+    browser.screen(390, 844, dark=True)
+    opened(browser, tmp_path / "report.html", shipped, counts())
+    assert browser.js("document.documentElement.scrollWidth") <= 390
+    assert browser.js("getComputedStyle(document.body).backgroundColor") == "rgb(20, 23, 27)"
+    assert browser.js("[...document.querySelectorAll('section')].every(s => s.clientHeight > 60)")
+    listed = browser.js(LINES)
+    assert len(listed) == 50
+    browser.js("document.getElementById('later').click()")
+    assert browser.js(LINES)[0] not in listed
+    assert browser.errors == []
+
+
+def test_the_browser_would_have_been_heard_complaining(browser, tmp_path):
+    page = tmp_path / "wrong.html"
+    page.write_text("<script>throw Error('noticed')</script>")
+    browser.errors.clear()
+    browser.open(page)
+    assert "noticed" in "".join(browser.errors)
