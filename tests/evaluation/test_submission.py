@@ -197,7 +197,9 @@ def command(monkeypatch, capsys, *arguments):
 def test_the_command_shows_places_and_intervals(monkeypatch, capsys):
     code, shown, _ = command(monkeypatch, capsys, "submit", shipped_results() / "rmp.json")
     assert code == 0
-    assert re.search(r"place \d of \d", shown) and "135/200 67.5" in shown and "[60.7, 73.6]" in shown
+    assert (
+        re.search(r"place \d of \d", shown) and "135/200 67.5" in shown and "[60.7, 73.6]" in shown
+    )
 
 
 def test_the_command_ends_with_1_where_something_is_missing(monkeypatch, capsys, fdo, tmp_path):
