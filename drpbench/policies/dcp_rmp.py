@@ -75,10 +75,32 @@ class Constants:
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class _Carry:
+class Carry:
+    """What DCP-RMP keeps of an observation until the next one."""
+
     inner: Any
+    """the carry of the policy that it goes over"""
     points: Float[Array, "*batch N 3"]
     mask: Bool[Array, "*batch N"]
+    """False everywhere before the first observation"""
+
+
+_Array = Array | np.ndarray
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Reaction:
+    """What DCP-RMP saw in an observation, and the goal it made of it. World frame."""
+
+    active: Bool[_Array, "*batch"]
+    """whether the goal was modified; without it the two points mean nothing"""
+    obstacle_point: Float[_Array, "*batch 3"]
+    """x_obs [m], the dynamic scene point closest to the arm"""
+    arm_point: Float[_Array, "*batch 3"]
+    """x_p [m], the arm's surface point closest to it"""
+    goal_joints: Float[_Array, "*batch 7"]
+    """q_mg [rad]: q_g itself, exactly, where `active` is false"""
 
 
 @jax.tree_util.register_dataclass
@@ -93,15 +115,15 @@ class DcpRmp:
     def privileged(self) -> bool:
         return self.policy.privileged
 
-    def init(self, observation: Observation) -> _Carry:
-        return _Carry(
+    def init(self, observation: Observation) -> Carry:
+        return Carry(
             inner=self.policy.init(observation),
             points=observation.scene_points,
             mask=jnp.zeros_like(observation.scene_mask),
         )
 
-    def act(self, observation: Observation, carry: _Carry, key):
-        goal = self.modified_goal(observation, carry)
+    def act(self, observation: Observation, carry: Carry, key):
+        goal = self.reaction(observation, carry).goal_joints
         position, rotation = grip_pose(link_poses(goal))
         seen = replace(
             observation,
@@ -110,10 +132,10 @@ class DcpRmp:
             goal_quaternion=matrix_to_quaternion(rotation),
         )
         target, inner = self.policy.act(seen, carry.inner, key)
-        return target, _Carry(inner, observation.scene_points, observation.scene_mask)
+        return target, Carry(inner, observation.scene_points, observation.scene_mask)
 
-    def modified_goal(self, observation: Observation, carry: _Carry) -> Float[Array, "7"]:
-        """q_mg [rad]: q_g itself, exactly, unless a dynamic point is within reach."""
+    def reaction(self, observation: Observation, carry: Carry) -> Reaction:
+        """What `act` bases its answer on, for one observation and the carry that it would be given."""
         model = moving_spheres()
         q = observation.joint_position
         poses = link_poses(q)
@@ -135,7 +157,13 @@ class DcpRmp:
             velocity(x_obs, carry.points, carry.mask, CONTROL_PERIOD, farthest=_APPEARED),
         )
         matters = dynamic.any() & (jnp.sum(jnp.square(x_p - x_obs)) < self.constants.r)
-        return jnp.where(matters, jnp.clip(goal, JOINT_LOWER, JOINT_UPPER), observation.goal_joints)
+        goal = jnp.where(matters, jnp.clip(goal, JOINT_LOWER, JOINT_UPPER), observation.goal_joints)
+        return Reaction(
+            active=(goal != observation.goal_joints).any(),
+            obstacle_point=x_obs,
+            arm_point=x_p,
+            goal_joints=goal,
+        )
 
 
 def _closest(near, dynamic, centers, radii):

@@ -1,7 +1,7 @@
 """What DCP-RMP made of an episode: the dynamic closest point and the modified goal, seen again."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import jax
 import jax.numpy as jnp
@@ -10,22 +10,11 @@ import numpy as np
 from drpbench.compile import jit
 from drpbench.envs import Movers, Observation, State
 from drpbench.envs.cloud import robot_points, scene_cloud
-from drpbench.policies import DcpRmp
-from drpbench.policies.dcp_rmp import _STILL, Constants, _Carry, _closest
-from drpbench.policies.dynamic_points import is_dynamic, near_arm
-from drpbench.robot import link_poses, moving_spheres
+from drpbench.policies import DcpRmp, Reaction
+from drpbench.policies.dcp_rmp import Carry, Constants
+from drpbench.robot import link_poses
 
 from .episode import Episode
-
-
-@dataclass(frozen=True)
-class Reaction:
-    """At N instants: what the policy's next answer was based on."""
-
-    active: np.ndarray  # (N,) bool: whether the goal was modified
-    obstacle_point: np.ndarray  # (N, 3) [m] the dynamic scene point closest to the arm, x_obs
-    arm_point: np.ndarray  # (N, 3) [m] the arm's surface point closest to it, x_p
-    goal_joints: np.ndarray  # (N, 7) [rad] the modified goal
 
 
 def dcp_rmp_of(parameters: Mapping[str, object]) -> DcpRmp | None:
@@ -51,7 +40,7 @@ def reaction(module: DcpRmp, episode: Episode, instants: np.ndarray) -> Reaction
         episode.boxes.movers(np.maximum(instants - 1, 0)),
         instants > 0,
     )
-    return Reaction(**jax.tree.map(np.asarray, found))
+    return jax.tree.map(np.asarray, found)
 
 
 def _once(
@@ -62,11 +51,10 @@ def _once(
     now: Movers,
     before: Movers,
     begun: jax.Array,
-) -> dict[str, jax.Array]:
+) -> Reaction:
     points, mask = scene_cloud(state.cloud, now)
     previous, previous_mask = scene_cloud(state.cloud, before)
-    carry = _Carry(None, previous, previous_mask & begun)  # the first step has no frame before it
-    poses = link_poses(q)
+    carry = Carry(None, previous, previous_mask & begun)  # the first step has no frame before it
     observation = Observation(
         joint_position=q,
         joint_velocity=qd,
@@ -75,21 +63,9 @@ def _once(
         goal_quaternion=jnp.asarray(state.problem.goal_quaternion),
         scene_points=points,
         scene_mask=mask,
-        robot_points=robot_points().world(poses),
+        robot_points=robot_points().world(link_poses(q)),
     )
-    goal = module.modified_goal(observation, carry)
-    model = moving_spheres()
-    centers, radii = model.world(poses), jnp.asarray(model.radius)
-    coarse = np.arange(0, model.count, 4)
-    near = near_arm(points, mask, centers[coarse], radii[coarse])
-    dynamic = is_dynamic(near, carry.points, carry.mask, threshold=_STILL)
-    x_obs, x_p, _ = _closest(near, dynamic, centers, radii)
-    return {
-        "active": (goal != observation.goal_joints).any(),
-        "obstacle_point": x_obs,
-        "arm_point": x_p,
-        "goal_joints": goal,
-    }
+    return module.reaction(observation, carry)
 
 
 _ask = jit(jax.vmap(_once, in_axes=(None, None, 0, 0, 0, 0, 0)))

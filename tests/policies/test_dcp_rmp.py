@@ -59,7 +59,7 @@ def goal_of():
 
     def run(policy, before, now):
         _, carry = policy.act(before, policy.init(before), KEY)
-        return policy.modified_goal(now, carry)
+        return policy.reaction(now, carry).goal_joints
 
     return jit(run)
 
