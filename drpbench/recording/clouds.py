@@ -6,7 +6,8 @@ import jax
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.envs.cloud import robot_points, scene_cloud, shares
+from drpbench.envs import Movers
+from drpbench.envs.cloud import Cloud, robot_points, scene_cloud
 from drpbench.robot import link_poses
 
 from .episode import Episode
@@ -14,22 +15,30 @@ from .episode import Episode
 
 @dataclass(frozen=True)
 class Clouds:
-    """Points [m] in the world frame at N instants. Where the mask is false there is no point."""
+    """Points [m] in the world frame at N instants. Where a mask is false there is no point."""
 
-    scene: np.ndarray  # (N, 2048, 3): those of the static scene first, the same at every instant
-    mask: np.ndarray  # (N, 2048) bool
+    static: np.ndarray  # (S, 3) those of the static scene, the same at every instant
+    static_mask: np.ndarray  # (S,) bool
+    boxes: np.ndarray  # (N, B, 3)
+    boxes_mask: np.ndarray  # (N, B) bool
     robot: np.ndarray  # (N, 256, 3)
-    static: int
-    """How many of the scene's points are on the static scene."""
 
 
 def clouds(episode: Episode, instants: np.ndarray) -> Clouds:
     """The clouds at the instants (N,) given."""
-    scene, mask = _scene(episode.state.cloud, episode.boxes.movers(instants))
+    cloud = episode.state.cloud
+    boxes, mask = _boxes(cloud, episode.boxes.movers(instants))
     robot = _robot(episode.joint_position[instants])
-    static, _ = shares(episode.boxes.count)
-    return Clouds(np.asarray(scene), np.asarray(mask), np.asarray(robot), static)
+    return Clouds(
+        *map(np.asarray, (cloud.static_points, cloud.static_mask, boxes, mask, robot)),
+    )
 
 
-_scene = jit(jax.vmap(scene_cloud, in_axes=(None, 0)))
+def _on_boxes(cloud: Cloud, movers: Movers) -> tuple[jax.Array, jax.Array]:
+    points, mask = scene_cloud(cloud, movers)
+    static = len(cloud.static_mask)
+    return points[static:], mask[static:]
+
+
+_boxes = jit(jax.vmap(_on_boxes, in_axes=(None, 0)))
 _robot = jit(jax.vmap(lambda q: robot_points().world(link_poses(q))))

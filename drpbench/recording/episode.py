@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -12,6 +13,9 @@ from drpbench.compile import jit
 from drpbench.envs import TASKS, Movers, Problem, State, World
 from drpbench.evaluation.rollout import Trace, instance_key, take
 from drpbench.problems import ProblemSet
+
+
+Instant = TypeVar("Instant", int, np.ndarray)
 
 
 class RecordingError(ValueError):
@@ -56,6 +60,8 @@ class Episode:
     joint_position: np.ndarray  # (T + 1, 7) [rad]
     joint_velocity: np.ndarray  # (T + 1, 7) [rad/s], zero at the start
     boxes: Boxes
+    sphere: np.ndarray | None = None
+    """(T,) index of the sphere of `moving_spheres` nearest to an obstacle in each control step, where known"""
 
     @property
     def name(self) -> str:
@@ -68,8 +74,8 @@ class Episode:
         return len(self.joint_position)
 
 
-def nanoseconds(instant: int) -> int:
-    """Time of an instant since the start [ns]: 60 control steps a second, without drift."""
+def nanoseconds(instant: Instant) -> Instant:
+    """Time of an instant, or of each of them, since the start [ns]: 60 control steps a second, no drift."""
     return instant * 10**9 // 60
 
 
@@ -84,9 +90,9 @@ def episode(
 ) -> Episode:
     """The episode of one instance from what was recorded of it.
 
-    `arrays` are those of `evaluation/trajectories.py`. The rest follows from the problem and the run's
-    seed. Raises RecordingError where arrays are missing or not of one number of steps, or begin
-    somewhere else than the problem does.
+    `arrays` are those of `evaluation/trajectories.py`, and `sphere` as in a Trace where it is known. The
+    rest follows from the problem and the run's seed. Raises RecordingError where arrays are missing or
+    not of one number of steps, or begin somewhere else than the problem does.
     """
     problem = jax.tree.map(lambda leaf: leaf[0, ...], take(problems, [id]))
     state = _reset(task, seed)(problem)
@@ -97,7 +103,7 @@ def episode(
         moved = {field: np.asarray(arrays[f"mover_{field}"]) for field in _FIELDS}
     except KeyError as error:
         raise RecordingError(f"{name} lacks {error.args[0]}") from None
-    steps = len(velocity)
+    sphere, steps = arrays.get("sphere"), len(velocity)
     first = {field: np.asarray(getattr(state.movers, field)) for field in _FIELDS}
     whole = joints.shape == (steps + 1, 7) and velocity.shape == (steps, 7)
     if not whole or any(moved[f].shape != (steps, *first[f].shape) for f in _FIELDS):
@@ -115,6 +121,7 @@ def episode(
         joint_position=joints[:end],
         joint_velocity=np.concatenate([np.zeros((1, 7), np.float32), velocity])[:end],
         boxes=Boxes(**boxes),
+        sphere=None if sphere is None else sphere[: end - 1],
     )
 
 
@@ -123,6 +130,7 @@ def traced(task: str, id: int, problems: ProblemSet, seed: int, trace: Trace, la
     arrays = {
         "joint_position": np.concatenate([trace.start[None, lane], trace.joint_position[:, lane]]),
         "joint_velocity": trace.joint_velocity[:, lane],
+        "sphere": trace.sphere[:, lane],
     }
     for field in _FIELDS:
         arrays[f"mover_{field}"] = getattr(trace, f"mover_{field}")[:, lane]

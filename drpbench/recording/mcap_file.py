@@ -2,28 +2,30 @@
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.wrappers_pb2 import DoubleValue
-from mcap.writer import CompressionType
-from mcap_protobuf.writer import Writer
 
 from drpbench.geometry import BOX, FAR
 from drpbench.policies import DcpRmp
 from drpbench.robot import LINKS
 
-from . import messages
+from . import container, messages
 from .clouds import clouds
+from .container import Messages
 from .episode import Episode, RecordingError, nanoseconds
 from .events import at_goal, events, put_down
-from .figure import arm_figure
+from .figure import HAND, arm_figure
+from .forms import ANY_TIME, Form, any_number, any_numbers, any_points
 from .motion import Motion, arm_at, motion
 from .reaction import reaction
 
 SELDOM = 6  # control steps between clouds, errors and reactions: 10 Hz
+_CHUNK = 4 * 10**9  # [ns] about a megabyte
 FRAMES = LINKS[:9]  # link0 to link7, hand
 JOINTS = tuple(f"joint{i}" for i in range(1, 8))
 
@@ -32,13 +34,6 @@ MOVER = (0.24, 0.42, 0.86, 0.9)
 CONTACT = (0.90, 0.10, 0.12)
 GOAL = (0.98, 0.60, 0.10, 0.35)
 MODIFIED = (0.60, 0.25, 0.85, 0.35)
-
-
-@dataclass(frozen=True)
-class _Message:
-    time: int
-    topic: str
-    content: object
 
 
 def write_mcap(
@@ -53,16 +48,13 @@ def write_mcap(
     its closest point and modified goal are recorded too. Raises RecordingError where the file cannot be
     written.
     """
+    groups = list(_messages(episode, module))
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with temporary.open("wb") as file:
-                with Writer(file, compression=CompressionType.ZSTD) as writer:
-                    writer.add_metadata("drpbench", dict(about))
-                    for message in _messages(episode, module):
-                        time = message.time
-                        writer.write_message(message.topic, message.content, time, time)
+                container.write(file, groups, {"drpbench": about}, _CHUNK)
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(temporary, path)
@@ -73,52 +65,49 @@ def write_mcap(
         raise RecordingError(f"{path}: cannot be written: {reason}") from None
 
 
-def _messages(episode: Episode, module: DcpRmp | None) -> Iterator[_Message]:
-    """Everything in the order of time."""
+def _messages(episode: Episode, module: DcpRmp | None) -> Iterator[Messages]:
+    """Everything; what is of the same time in the order in which it is to be read."""
     moved = motion(episode)
     seldom = np.arange(0, episode.instants, SELDOM)
-    by_instant: dict[int, list[_Message]] = {}
-    for source in (
-        _beginning(episode, moved),
-        _happenings(episode, moved),
-        _errors(moved, seldom),
-        _clouds(episode, seldom),
-        _reactions(episode, module, seldom) if module else (),
-    ):
-        for instant, topic, content in source:
-            message = _Message(nanoseconds(instant), topic, content)
-            by_instant.setdefault(instant, []).append(message)
-    often = _Often(episode, moved)
-    for instant in range(episode.instants):
-        time = nanoseconds(instant)
-        yield from by_instant.get(instant, ())
-        yield from (_Message(time, *each) for each in often.at(instant, time))
+    yield from _beginning(episode)
+    yield from _happenings(episode, moved)
+    yield from _errors(moved, seldom)
+    yield from _clouds(episode, seldom)
+    if module:
+        yield from _reactions(episode, module, seldom)
+    yield from _often(episode, moved)
 
 
-class _Often:
+def _one(instant: int, topic: str, message: Any) -> Messages:
+    content = np.frombuffer(message.SerializeToString(), np.uint8)[None]
+    return Messages(topic, type(message), np.array([nanoseconds(instant)]), content)
+
+
+def _many(
+    instants: np.ndarray,
+    topic: str,
+    form: Form,
+    numbers: np.ndarray | None = None,
+    points: np.ndarray | None = None,
+) -> Messages:
+    times = nanoseconds(np.asarray(instants, np.int64))
+    return Messages(topic, form.schema, times, form.fill(times, numbers, points))
+
+
+def _often(episode: Episode, moved: Motion) -> Iterator[Messages]:
     """What is written at every instant: poses, joints, clearance."""
-
-    def __init__(self, episode: Episode, moved: Motion):
-        boxes = episode.boxes
-        names = [f"box{i}" for i in range(boxes.count)]
-        self._transforms = messages.Transforms([*FRAMES, *names])
-        self._joints = messages.Joints(JOINTS)
-        places = np.concatenate([moved.link_position, boxes.position], axis=1)
-        turns = np.concatenate([moved.link_quaternion, moved.mover_quaternion], axis=1)
-        # One instant's numbers become Python's at a time: many lists at once wake the garbage collector.
-        self._poses = np.concatenate([places, turns], axis=2).reshape(episode.instants, -1)
-        joints = np.stack([episode.joint_position, episode.joint_velocity], axis=2)
-        self._motion = joints.reshape(episode.instants, -1)
-        self._clearance = moved.clearance if moved.clearance.min() < 0.5 * FAR else None
-
-    def at(self, instant: int, time: int) -> Iterator[tuple[str, object]]:
-        yield "/tf", self._transforms.at(time, self._poses[instant].tolist())
-        yield "/joint_states", self._joints.at(time, self._motion[instant].tolist())
-        if self._clearance is not None:
-            yield "/clearance", DoubleValue(value=self._clearance[instant])
+    every, boxes = np.arange(episode.instants), episode.boxes
+    places = np.concatenate([moved.link_position, boxes.position], axis=1)
+    turns = np.concatenate([moved.link_quaternion, moved.mover_quaternion], axis=1)
+    frames = (*FRAMES, *(f"box{i}" for i in range(boxes.count)))
+    yield _many(every, "/tf", _transforms(frames), _flat(places, turns))
+    joints = np.stack([episode.joint_position, episode.joint_velocity], axis=2)
+    yield _many(every, "/joint_states", _joint_states(), joints.reshape(episode.instants, -1))
+    if moved.clearance.min() < 0.5 * FAR:
+        yield _many(every, "/clearance", _number(), moved.clearance[:, None])
 
 
-def _beginning(episode: Episode, moved: Motion) -> Iterator[tuple[int, str, object]]:
+def _beginning(episode: Episode) -> Iterator[Messages]:
     """What stands still: the scene and the goal."""
     problem = episode.problem
     static = problem.obstacles
@@ -134,13 +123,16 @@ def _beginning(episode: Episode, moved: Motion) -> Iterator[tuple[int, str, obje
         )
         for k in np.flatnonzero(static.mask)
     ]
-    yield 0, "/scene", messages.scene(solids)
-    yield 0, "/goal/pose", messages.pose(0, problem.goal_position, problem.goal_quaternion)
-    yield 0, "/goal/arm", messages.scene(_arm("goal", 0, color=GOAL))
-    yield 0, "/tf_static", _arm_transforms("goal", 0, problem.goal)
+    yield _one(0, "/scene", messages.scene(solids))
+    pose = messages.pose(0, problem.goal_position, problem.goal_quaternion)
+    yield _one(0, "/goal/pose", pose)
+    start = np.zeros(1, int)
+    yield _many(start, "/goal/arm", _arm("goal", GOAL))
+    ghost = _transforms(_named("goal"))
+    yield _many(start, "/tf_static", ghost, _flat(*arm_at(problem.goal[None])))
 
 
-def _happenings(episode: Episode, moved: Motion) -> Iterator[tuple[int, str, object]]:
+def _happenings(episode: Episode, moved: Motion) -> Iterator[Messages]:
     """What changes now and then: the boxes' shapes, the colour of a link in contact, the log."""
     boxes = episode.boxes
     new, active = put_down(episode), boxes.active
@@ -155,24 +147,20 @@ def _happenings(episode: Episode, moved: Motion) -> Iterator[tuple[int, str, obj
             for i in np.flatnonzero(active[instant])
         ]
         gone = [f"box{i}" for i in np.flatnonzero(~active[instant])]
-        yield instant, "/obstacles", messages.scene(there, gone, time)
+        yield _one(instant, "/obstacles", messages.scene(there, gone, time))
 
-    touched = np.where(moved.touching, moved.link, -1)
-    for instant in np.flatnonzero(np.diff(touched, prepend=-2)).tolist():
-        time, link = nanoseconds(instant), int(touched[instant])
-        yield instant, "/arm", messages.scene(_arm("", time, red=min(link, 8)))
-    for instant in np.flatnonzero(moved.touching).tolist():
-        mark = messages.entity("contact", messages.WORLD, nanoseconds(instant))
-        mark.lifetime.nanos = 10**8
-        messages.add_solid(
-            mark, "sphere", (0.02,) * 3, moved.contact_point[instant], _HERE[1], CONTACT
-        )
-        yield instant, "/contact", messages.scene([mark])
+    red = np.where(moved.touching, np.minimum(moved.link, HAND), -1)
+    changed = np.diff(np.where(moved.touching, moved.link, -1), prepend=-2) != 0
+    for frame in np.unique(red[changed]).tolist():
+        yield _many(np.flatnonzero(changed & (red == frame)), "/arm", _arm("", None, frame))
+    touching = np.flatnonzero(moved.touching)
+    if len(touching):
+        yield _many(touching, "/contact", _contact(), moved.contact_point[touching])
 
     for event in events(episode, moved):
         level = Log.ERROR if event.bad else Log.INFO
         time = nanoseconds(event.instant)
-        yield event.instant, "/log", messages.log(time, event.text, level)
+        yield _one(event.instant, "/log", messages.log(time, event.text, level))
     last = episode.instants - 1
     end = "at the goal" if at_goal(moved)[last] else "not at the goal"
     verdict = (
@@ -180,65 +168,83 @@ def _happenings(episode: Episode, moved: Motion) -> Iterator[tuple[int, str, obj
         f"{np.degrees(moved.orientation_error[last]):.0f} degrees from it; "
         f"{'collided' if moved.touching.any() else 'never collided'}"
     )
-    yield last, "/log", messages.log(nanoseconds(last), verdict)
+    yield _one(last, "/log", messages.log(nanoseconds(last), verdict))
 
 
-def _errors(moved: Motion, instants: np.ndarray) -> Iterator[tuple[int, str, object]]:
-    for instant in instants.tolist():
-        yield instant, "/position_error", DoubleValue(value=moved.position_error[instant])
-        yield instant, "/orientation_error", DoubleValue(value=moved.orientation_error[instant])
+def _errors(moved: Motion, instants: np.ndarray) -> Iterator[Messages]:
+    for topic, error in (
+        ("/position_error", moved.position_error),
+        ("/orientation_error", moved.orientation_error),
+    ):
+        yield _many(instants, topic, _number(), error[instants, None])
 
 
-def _clouds(episode: Episode, instants: np.ndarray) -> Iterator[tuple[int, str, object]]:
+def _clouds(episode: Episode, instants: np.ndarray) -> Iterator[Messages]:
     """The static scene's points once, the moving boxes' and the arm's again and again."""
     seen = clouds(episode, instants)
-    still, moving = slice(seen.static), slice(seen.static, None)
-    cloud = messages.point_cloud(0, seen.scene[0, still][seen.mask[0, still]])
-    yield 0, "/points/scene", cloud
-    for n, instant in enumerate(instants.tolist()):
-        time = nanoseconds(instant)
-        yield instant, "/points/arm", messages.point_cloud(time, seen.robot[n])
-        if episode.boxes.count:
-            points = seen.scene[n, moving][seen.mask[n, moving]]
-            yield instant, "/points/boxes", messages.point_cloud(time, points)
+    still = messages.point_cloud(0, seen.static[seen.static_mask])
+    yield _one(0, "/points/scene", still)
+    yield _cloud_of(instants, "/points/arm", seen.robot)
+    if episode.boxes.count:
+        # Messages of one length: instants with as many points above the floor.
+        counts = seen.boxes_mask.sum(axis=1)
+        for count in np.unique(counts):
+            same = counts == count
+            points, there = seen.boxes[same], seen.boxes_mask[same]
+            if count < there.shape[1]:
+                points = points[there].reshape(len(there), count, 3)
+            yield _cloud_of(instants[same], "/points/boxes", points)
 
 
-def _reactions(
-    episode: Episode, module: DcpRmp, instants: np.ndarray
-) -> Iterator[tuple[int, str, object]]:
+def _reactions(episode: Episode, module: DcpRmp, instants: np.ndarray) -> Iterator[Messages]:
     """The dynamic closest point and the modified goal, while there are any."""
-    found, shown = reaction(module, episode, instants), False
-    for n, instant in enumerate(instants.tolist()):
-        time = nanoseconds(instant)
-        if found.active[n] != shown:
-            # Shown once: its frames carry it from then on.
-            arm = [] if shown else _arm("modified", time, color=MODIFIED)
-            gone = [_named("modified", frame) for frame in FRAMES] if shown else []
-            yield instant, "/dcp_rmp/goal", messages.scene(arm, gone, time)
-            if shown:
-                yield instant, "/dcp_rmp/closest", messages.scene([], ["closest"], time)
-            shown = not shown
-        if not shown:
-            continue
-        ends = found.arm_point[n], found.obstacle_point[n]
-        closest = messages.entity("closest", messages.WORLD, time)
-        messages.add_line(closest, ends, 0.006, CONTACT)
-        for end in ends:
-            messages.add_solid(closest, "sphere", (0.012,) * 3, end, _HERE[1], CONTACT)
-        yield instant, "/dcp_rmp/closest", messages.scene([closest])
-        yield instant, "/tf", _arm_transforms("modified", time, found.goal_joints[n])
+    found = reaction(module, episode, instants)
+    turned = np.diff(found.active, prepend=False)
+    # Shown once: its frames carry it from then on.
+    yield _many(instants[turned & found.active], "/dcp_rmp/goal", _arm("modified", MODIFIED))
+    ended = instants[turned & ~found.active]
+    yield _many(ended, "/dcp_rmp/goal", _gone(_named("modified")))
+    yield _many(ended, "/dcp_rmp/closest", _gone(("closest",)))
+    shown = np.flatnonzero(found.active)
+    ends = np.concatenate([found.arm_point, found.obstacle_point], axis=1)
+    yield _many(instants[shown], "/dcp_rmp/closest", _closest(), ends[shown])
+    poses = _flat(*arm_at(found.goal_joints))
+    yield _many(instants[shown], "/tf", _transforms(_named("modified")), poses[shown])
 
 
 _HERE = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 
-def _named(arm: str, frame: str) -> str:
-    return f"{arm}/{frame}" if arm else frame
+def _named(arm: str) -> tuple[str, ...]:
+    """The frames of an arm that is not the arm."""
+    return tuple(f"{arm}/{frame}" if arm else frame for frame in FRAMES)
 
 
-def _arm(arm: str, time: int, color: messages.Color | None = None, red: int = -1):
+def _flat(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    """Poses (N, 7 F) as `_transforms` takes them, of positions (N, F, 3) and quaternions (N, F, 4)."""
+    return np.concatenate([positions, quaternions], axis=2).reshape(len(positions), -1)
+
+
+@cache
+def _transforms(frames: tuple[str, ...]) -> Form:
+    count = 7 * len(frames)
+    return Form(messages.transforms(ANY_TIME, frames, any_numbers(count)), numbers=count)
+
+
+@cache
+def _joint_states() -> Form:
+    return Form(messages.joints(ANY_TIME, JOINTS, any_numbers(14)), numbers=14)
+
+
+@cache
+def _number() -> Form:
+    return Form(DoubleValue(value=any_number(0)), numbers=1)
+
+
+@cache
+def _arm(arm: str, color: messages.Color | None, red: int = -1) -> Form:
     """The arm's links as entities, in one colour or in their own; the frame `red` in contact's."""
-    links = [messages.entity(_named(arm, f), _named(arm, f), time) for f in FRAMES]
+    links = [messages.entity(name, name, ANY_TIME) for name in _named(arm)]
     for solid in arm_figure():
         paint = CONTACT if solid.frame == red else color or solid.color
         messages.add_solid(
@@ -249,13 +255,38 @@ def _arm(arm: str, time: int, color: messages.Color | None = None, red: int = -1
             solid.quaternion,
             paint,
         )
-    return links
+    return Form(messages.scene(links))
 
 
-def _arm_transforms(arm: str, time: int, joints: np.ndarray):
-    places, turns = arm_at(joints)
-    transforms = messages.Transforms([_named(arm, frame) for frame in FRAMES])
-    return transforms.at(time, np.concatenate([places, turns], axis=1).ravel().tolist())
+@cache
+def _gone(names: tuple[str, ...]) -> Form:
+    return Form(messages.scene([], names, ANY_TIME))
+
+
+@cache
+def _contact() -> Form:
+    mark = messages.entity("contact", messages.WORLD, ANY_TIME)
+    mark.lifetime.nanos = 10**8
+    messages.add_solid(mark, "sphere", (0.02,) * 3, any_numbers(3), _HERE[1], CONTACT)
+    return Form(messages.scene([mark]), numbers=3)
+
+
+@cache
+def _closest() -> Form:
+    """A line with a ball at each end."""
+    closest = messages.entity("closest", messages.WORLD, ANY_TIME)
+    ends = any_numbers(3), any_numbers(3, first=3)
+    messages.add_line(closest, ends, 0.006, CONTACT)
+    for end in ends:
+        messages.add_solid(closest, "sphere", (0.012,) * 3, end, _HERE[1], CONTACT)
+    return Form(messages.scene([closest]), numbers=6)
+
+
+def _cloud_of(instants: np.ndarray, topic: str, points: np.ndarray) -> Messages:
+    """Points (N, P, 3)."""
+    count = points.shape[1]
+    form = Form(messages.point_cloud(ANY_TIME, any_points(count)), points=count)
+    return _many(instants, topic, form, points=points)
 
 
 def _quaternions(rotation: np.ndarray) -> np.ndarray:

@@ -87,49 +87,24 @@ def scene(entities: Iterable[SceneEntity], gone: Iterable[str] = (), time: int =
     return update
 
 
-class Transforms:
-    """Poses of frames in the world, as one message that is filled again for each time."""
-
-    def __init__(self, frames: Sequence[str]):
-        self._message = FrameTransforms()
-        for frame in frames:
-            self._message.transforms.add(parent_frame_id=WORLD, child_frame_id=frame)
-        self._transforms = list(self._message.transforms)
-
-    def at(self, time: int, poses: Sequence[float]) -> FrameTransforms:
-        """Of each frame x, y, z, and the quaternion's w, x, y, z, one after the other. Plain numbers: to
-        take NumPy's is slow here."""
-        seconds, nanos = divmod(time, 10**9)
-        numbers = iter(poses)
-        for transform in self._transforms:
-            stamp, vector, turn = transform.timestamp, transform.translation, transform.rotation
-            stamp.seconds, stamp.nanos = seconds, nanos
-            vector.x, vector.y, vector.z = next(numbers), next(numbers), next(numbers)
-            turn.w, turn.x, turn.y, turn.z = (
-                next(numbers),
-                next(numbers),
-                next(numbers),
-                next(numbers),
-            )
-        return self._message
+def transforms(time: int, frames: Sequence[str], poses: Iterable[float]) -> FrameTransforms:
+    """Poses of frames in the world: of each x, y, z, and the quaternion's w, x, y, z, one after the other."""
+    message, numbers = FrameTransforms(), iter(poses)
+    for frame in frames:
+        transform = message.transforms.add(parent_frame_id=WORLD, child_frame_id=frame)
+        stamp(transform, time)
+        vector, turn = transform.translation, transform.rotation
+        vector.x, vector.y, vector.z = (next(numbers) for _ in range(3))
+        turn.w, turn.x, turn.y, turn.z = (next(numbers) for _ in range(4))
+    return message
 
 
-class Joints:
-    """Joint positions [rad] and velocities [rad/s], as one message that is filled again."""
-
-    def __init__(self, names: Sequence[str]):
-        self._message = JointStates()
-        for name in names:
-            self._message.joints.add(name=name)
-        self._joints = list(self._message.joints)
-
-    def at(self, time: int, motion: Sequence[float]) -> JointStates:
-        """Of each joint its position and its velocity."""
-        stamp(self._message, time)
-        numbers = iter(motion)
-        for joint in self._joints:
-            joint.position, joint.velocity = next(numbers), next(numbers)
-        return self._message
+def joints(time: int, names: Sequence[str], motion: Iterable[float]) -> JointStates:
+    """Of each joint its position [rad] and its velocity [rad/s], one after the other."""
+    message, numbers = stamp(JointStates(), time), iter(motion)
+    for name in names:
+        message.joints.add(name=name, position=next(numbers), velocity=next(numbers))
+    return message
 
 
 def point_cloud(time: int, points: np.ndarray) -> PointCloud:

@@ -9,6 +9,7 @@ import numpy as np
 from drpbench.compile import jit
 from drpbench.envs import CONTROL_PERIOD, Movers, Problem
 from drpbench.geometry import (
+    Primitives,
     concatenate,
     matrix_to_quaternion,
     nearest,
@@ -16,7 +17,7 @@ from drpbench.geometry import (
     quaternion_to_matrix,
     signed_distance,
 )
-from drpbench.robot import LINKS, grip_pose, link_poses, moving_spheres
+from drpbench.robot import LINKS, LinkPoses, grip_pose, link_poses, moving_spheres
 
 from .episode import Episode
 
@@ -51,31 +52,52 @@ def motion(episode: Episode) -> Motion:
     The world makes two substeps a control step, and MuJoCo's integrators add the new velocity: the
     middle is q_end - qd_end / 120. Obstacles move at the start of a control step.
     """
-    found = _follow(
-        episode.problem,
-        episode.joint_position,
-        episode.joint_velocity,
-        episode.boxes.movers(slice(None)),
-    )
+    problem, q, qd = episode.problem, episode.joint_position, episode.joint_velocity
+    movers = episode.boxes.movers(slice(None))
+    searched = slice(None) if episode.sphere is None else slice(1)
+    some = episode.boxes.movers(searched)
+    sphere = np.asarray(_nearest_sphere(problem, q[searched], qd[searched], some))
+    if episode.sphere is not None:
+        sphere = np.concatenate([sphere, episode.sphere])
+    found = _follow(problem, q, qd, movers, sphere)
     return Motion(**jax.tree.map(np.asarray, found))
 
 
-def _whole(problem: Problem, q: jax.Array, qd: jax.Array, movers: Movers) -> dict[str, jax.Array]:
-    model = moving_spheres()
-    obstacles = concatenate(jax.tree.map(jnp.asarray, problem.obstacles), movers.primitives())
+def _middle(q: jax.Array, qd: jax.Array) -> jax.Array:
+    return q - qd * (CONTROL_PERIOD / 2)
 
-    def gaps(joints):
-        centers = model.world(link_poses(joints))
-        return centers, signed_distance(centers, obstacles) - model.radius
 
-    middle, end = gaps(q - qd * (CONTROL_PERIOD / 2)), gaps(q)
-    centers, distance = jax.tree.map(
-        lambda a, b: jnp.where(middle[1].min() < end[1].min(), a, b), middle, end
-    )
-    sphere = jnp.argmin(distance)
-    center = centers[sphere]
-    away, which = nearest(center, obstacles)
+def _obstacles(problem: Problem, movers: Movers) -> Primitives:
+    return concatenate(jax.tree.map(jnp.asarray, problem.obstacles), movers.primitives())
+
+
+def _search(problem: Problem, q: jax.Array, qd: jax.Array, movers: Movers) -> jax.Array:
+    """Index of the sphere that comes nearest to an obstacle in either substep."""
+    model, obstacles = moving_spheres(), _obstacles(problem, movers)
+
+    def gaps(joints: jax.Array) -> jax.Array:
+        return signed_distance(model.world(link_poses(joints)), obstacles) - model.radius
+
+    return jnp.argmin(jnp.minimum(gaps(_middle(q, qd)), gaps(q)))
+
+
+def _whole(
+    problem: Problem, q: jax.Array, qd: jax.Array, movers: Movers, sphere: jax.Array
+) -> dict[str, jax.Array]:
+    model, obstacles = moving_spheres(), _obstacles(problem, movers)
     poses = link_poses(q)
+    local, frame, radius, link = (
+        jnp.asarray(part)[sphere] for part in (model.local, model.frame, model.radius, model.link)
+    )
+
+    def nearest_to(poses: LinkPoses) -> tuple[jax.Array, ...]:
+        center = poses.position[frame] + jnp.sum(poses.rotation[frame] * local, axis=-1)
+        return center, *nearest(center, obstacles)
+
+    middle, end = nearest_to(link_poses(_middle(q, qd))), nearest_to(poses)
+    center, away, which = jax.tree.map(
+        lambda a, b: jnp.where(middle[1] < end[1], a, b), middle, end
+    )
     position, rotation = grip_pose(poses)
     turn = rotation - quaternion_to_matrix(jnp.asarray(problem.goal_quaternion))
     # |R - R_goal|_F = 2 sqrt(2) sin(angle / 2)
@@ -86,18 +108,25 @@ def _whole(problem: Problem, q: jax.Array, qd: jax.Array, movers: Movers) -> dic
         "grip_position": position,
         "position_error": jnp.linalg.norm(position - problem.goal_position),
         "orientation_error": 2.0 * jnp.arcsin(jnp.minimum(sine, 1.0)),
-        "clearance": distance[sphere],
-        "link": jnp.asarray(model.link)[sphere],
+        "clearance": away - radius,
+        "link": link,
         "contact_point": center - away * normal(center, obstacles, which),
         "mover_quaternion": matrix_to_quaternion(movers.rotation),
     }
 
 
-_follow = jit(jax.vmap(_whole, in_axes=(None, 0, 0, 0)))
-_arm_at = jit(lambda q: (lambda p: (p.position, matrix_to_quaternion(p.rotation)))(link_poses(q)))
+_nearest_sphere = jit(jax.vmap(_search, in_axes=(None, 0, 0, 0)))
+_follow = jit(jax.vmap(_whole, in_axes=(None, 0, 0, 0, 0)))
+
+
+@jit
+@jax.vmap
+def _arm_at(q: jax.Array) -> tuple[jax.Array, jax.Array]:
+    poses = link_poses(q)
+    return poses.position, matrix_to_quaternion(poses.rotation)
 
 
 def arm_at(joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (9, 3) [m] and quaternions (9, 4) wxyz of link0 to link7 and the hand."""
+    """Positions (N, 9, 3) [m] and quaternions (N, 9, 4) wxyz of link0 to link7 and the hand, for (N, 7)."""
     position, quaternion = _arm_at(jnp.asarray(joints, jnp.float32))
     return np.asarray(position), np.asarray(quaternion)

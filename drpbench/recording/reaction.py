@@ -10,9 +10,10 @@ import numpy as np
 from drpbench.compile import jit
 from drpbench.envs import Movers, Observation, State
 from drpbench.envs.cloud import robot_points, scene_cloud
+from drpbench.geometry import signed_distance
 from drpbench.policies import DcpRmp, Reaction
 from drpbench.policies.dcp_rmp import Carry, Constants
-from drpbench.robot import link_poses
+from drpbench.robot import link_poses, moving_spheres
 
 from .episode import Episode
 
@@ -30,17 +31,51 @@ def dcp_rmp_of(parameters: Mapping[str, object]) -> DcpRmp | None:
 
 
 def reaction(module: DcpRmp, episode: Episode, instants: np.ndarray) -> Reaction:
-    """Asks the module again at the instants (N,) given, each with the cloud of the instant before."""
-    found = _ask(
-        module,
-        episode.state,
-        episode.joint_position[instants],
-        episode.joint_velocity[instants],
-        episode.boxes.movers(instants),
-        episode.boxes.movers(np.maximum(instants - 1, 0)),
-        instants > 0,
+    """Asks the module again at the instants (N,) given, each with the cloud of the instant before.
+
+    Only where a moving box is within the module's reach: elsewhere the goal stays what it is, and the two
+    points are zero.
+    """
+    count = len(instants)
+    found = Reaction(
+        active=np.zeros(count, bool),
+        obstacle_point=np.zeros((count, 3), np.float32),
+        arm_point=np.zeros((count, 3), np.float32),
+        goal_joints=np.tile(np.asarray(episode.problem.goal, np.float32), (count, 1)),
     )
-    return jax.tree.map(np.asarray, found)
+    if not episode.boxes.count:
+        return found
+    gap = _gap(episode.joint_position[instants], episode.boxes.movers(instants))
+    reach = np.sqrt(module.constants.r) + _ROUNDING
+    near = np.flatnonzero(np.asarray(gap) < reach)
+    for first in range(0, len(near), _LANES):
+        some = near[first : first + _LANES]
+        lanes = instants[np.resize(some, _LANES)]
+        seen = _ask(
+            module,
+            episode.state,
+            episode.joint_position[lanes],
+            episode.joint_velocity[lanes],
+            episode.boxes.movers(lanes),
+            episode.boxes.movers(np.maximum(lanes - 1, 0)),
+            lanes > 0,
+        )
+        for whole, part in zip(jax.tree.leaves(found), jax.tree.leaves(seen), strict=True):
+            whole[some] = np.asarray(part)[: len(some)]
+    return found
+
+
+_LANES = 16  # instants a call
+_ROUNDING = 1e-3  # [m]
+
+
+@jit
+@jax.vmap
+def _gap(q: jax.Array, movers: Movers) -> jax.Array:
+    """Distance [m] of the arm's surface and the moving boxes."""
+    model = moving_spheres()
+    distance = signed_distance(model.world(link_poses(q)), movers.primitives())
+    return jnp.min(distance - model.radius)
 
 
 def _once(

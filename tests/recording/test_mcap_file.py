@@ -173,16 +173,22 @@ def test_the_modified_goal_is_shown_while_it_is_one(files):
 
 
 def test_a_crash_in_the_middle_leaves_the_old_file_or_none(rolled, header, tmp_path, monkeypatch):
-    import drpbench.recording.mcap_file as mcap_file
+    from drpbench.recording.container import _Records
 
     recorder = Recorder(tmp_path)
     path = recorder.write(header, rolled.episodes[0])
     before = path.read_bytes()
 
-    def broken(*_):
-        raise RuntimeError("power cut")
+    written = []
+    whole = _Records.write_chunk
 
-    monkeypatch.setattr(mcap_file._Often, "at", broken)
+    def broken(records, out, *arguments):
+        if written:
+            raise RuntimeError("power cut")
+        written.append(whole(records, out, *arguments))
+        return written[0]
+
+    monkeypatch.setattr(_Records, "write_chunk", broken)
     with pytest.raises(RuntimeError, match="power cut"):
         recorder.write(header, rolled.episodes[0])
     assert path.read_bytes() == before

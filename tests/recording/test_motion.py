@@ -1,5 +1,7 @@
 """What is worked out again from recorded joints is what the world saw."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,20 @@ def test_the_contact_point_is_on_the_obstacle_beside_the_link(rolled):
                 np.linalg.norm(seen.contact_point[instant] - seen.link_position[instant, frame])
                 < 0.4
             )
+
+
+def test_nothing_depends_on_whether_the_nearest_sphere_was_recorded(rolled):
+    for found in rolled.episodes:
+        recorded, searched = motion(found), motion(replace(found, sphere=None))
+        np.testing.assert_allclose(searched.clearance, recorded.clearance, atol=1e-5)
+        np.testing.assert_array_equal(searched.touching, recorded.touching)
+        same = searched.link == recorded.link
+        assert same[recorded.touching].all() and same.mean() > 0.99
+        np.testing.assert_allclose(
+            searched.contact_point[recorded.touching],
+            recorded.contact_point[recorded.touching],
+            atol=1e-4,
+        )
 
 
 def test_boxes_stand_at_the_start_where_the_task_puts_them(rolled):
