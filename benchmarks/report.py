@@ -1,0 +1,104 @@
+"""What a report costs: time to read and check result files, time to write the page, and its size. Markdown.
+
+    python benchmarks/report.py [--rows 50000]
+
+The rows are synthetic: policies on the whole benchmark, each row with verdicts and errors drawn at random, in
+files as a run writes them.
+"""
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from drpbench.evaluation.leaderboard import load_dir
+from drpbench.evaluation.results import VERSIONED, Header, Result, Row, save
+from drpbench.problems import counts, load
+from drpbench.recording.report import write_report
+from drpbench.robot import LINKS
+
+PERIOD = 1 / 60  # [s]
+
+
+def row(rng: np.random.Generator, task: str, id: int, family: str) -> Row:
+    """An outcome without meaning, whose fields agree."""
+    collided, reached = rng.random() < 0.4, rng.random() < 0.6
+    return Row(
+        id=id,
+        task=task,
+        family=family,
+        success=reached and not collided,
+        reached=reached,
+        reached_5cm=reached,
+        reached_once=reached or rng.random() < 0.1,
+        collided=collided,
+        first_collision_step=int(rng.integers(1000)) if collided else None,
+        first_collision_link=LINKS[rng.integers(1, len(LINKS))] if collided else None,
+        self_collided=False,
+        min_clearance=rng.uniform(-0.05, 0.0) if collided else rng.uniform(0.0, 0.2),
+        position_error=rng.uniform(0.0, 0.01) if reached else rng.uniform(0.01, 1.0),
+        orientation_error=rng.uniform(0.0, 0.2),
+        time_to_goal=float(rng.integers(1, 1001)) * PERIOD if reached else None,
+        joint_path_length=rng.uniform(1.0, 9.0),
+        ee_path_length=rng.uniform(0.2, 3.0),
+        sparc_joint=-rng.uniform(1.5, 9.0),
+        sparc_ee=-rng.uniform(1.5, 9.0),
+        joint_limit_violation=False,
+    )
+
+
+def result(rng: np.random.Generator, policy: str, instances: list[tuple[str, int, str]]) -> Result:
+    """One policy on these instances: task, id, family."""
+    ids: dict[str, list[int]] = {}
+    for task, id, _ in instances:
+        ids.setdefault(task, []).append(id)
+    header = Header(
+        policy=policy,
+        policy_parameters={},
+        privileged=False,
+        tasks=list(ids),
+        problem_set="drpbench-v1",
+        problem_set_sha256="0" * 64,
+        seed=0,
+        precision="float32",
+        device="none",
+        batch_size=64,
+        versions=dict.fromkeys(VERSIONED, "0"),
+        platform="none",
+        created="2025-01-01T00:00:00Z",
+        problems=ids,
+        wall_seconds=0.0,
+    )
+    return Result(header=header, rows=[row(rng, *instance) for instance in instances])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rows", type=int, default=50_000)
+    wanted = parser.parse_args().rows
+    rng = np.random.default_rng(0)
+    sizes = counts()
+    families = {task: load(task).family for task in sizes}
+    whole = [(task, id, families[task][id]) for task in sizes for id in range(sizes[task])]
+    with tempfile.TemporaryDirectory() as name:
+        folder, page = Path(name), Path(name) / "report.html"
+        for policy, first in enumerate(range(0, wanted, len(whole))):
+            part = whole[: wanted - first]
+            save(result(rng, f"policy-{policy}", part), folder / f"policy-{policy}.json")
+        start = time.perf_counter()
+        results = load_dir(folder)
+        read = time.perf_counter()
+        write_report(page, results, sizes, folder)
+        wrote = time.perf_counter()
+        print("| rows | policies | reading and checking | writing the page | together | its size |")
+        print("|---:|---:|---:|---:|---:|---:|")
+        print(
+            f"| {wanted:,} | {len(results)} | {read - start:.1f} s | {wrote - read:.1f} s |"
+            f" {wrote - start:.1f} s | {page.stat().st_size / 1e6:.2f} MB |"
+        )
+
+
+if __name__ == "__main__":
+    main()
