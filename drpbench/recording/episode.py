@@ -14,7 +14,6 @@ from drpbench.envs import TASKS, Movers, Problem, State, World
 from drpbench.evaluation.rollout import Trace, instance_key, take
 from drpbench.problems import ProblemSet
 
-
 Instant = TypeVar("Instant", int, np.ndarray)
 
 
