@@ -3,10 +3,13 @@
 import os
 import zipfile
 import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
+from .results import ResultsError
 from .rollout import Trace
 
 
@@ -58,17 +61,48 @@ class Trajectories:
         self.folder.rmdir()
 
 
-def load_trajectories(path: Path) -> dict[str, dict[str, np.ndarray]]:
-    """Arrays by instance (`FDO-17`) and by name. ValueError for a file that is not of this kind."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            found: dict[str, dict[str, np.ndarray]] = {}
-            for name in file.files:
-                instance, _, field = name.partition("/")
-                found.setdefault(instance, {})[field] = file[name]
-            return found
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise ValueError(f"{path}: not a readable trajectory file ({error})") from None
+def load_trajectories(path: Path) -> Mapping[str, Mapping[str, np.ndarray]]:
+    """Arrays by instance (`FDO-17`) and by name; an instance is read when it is asked for.
+
+    Raises ResultsError for a file that is not of this kind, and for an instance that is damaged.
+    """
+    return _Recorded(path)
+
+
+class _Recorded(Mapping[str, Mapping[str, np.ndarray]]):
+    def __init__(self, path: Path):
+        self.path = path
+        with self._reading():
+            file = np.load(path, allow_pickle=False)
+            if not isinstance(file, np.lib.npyio.NpzFile):
+                raise ValueError("one array, not an archive of them")
+        self._file = file
+        self._fields: dict[str, list[str]] = {}
+        for name in file.files:
+            instance, _, field = name.partition("/")
+            self._fields.setdefault(instance, []).append(field)
+
+    def __getitem__(self, instance: str) -> dict[str, np.ndarray]:
+        fields = self._fields[instance]
+        with self._reading():
+            return {field: self._file[f"{instance}/{field}"] for field in fields}
+
+    def __contains__(self, instance: object) -> bool:
+        return instance in self._fields
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._fields)
+
+    def __len__(self) -> int:
+        return len(self._fields)
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+            told = f"{self.path}: not a readable trajectory file ({error})"
+            raise ResultsError(told) from None
 
 
 def _write(path: Path, arrays: dict[str, np.ndarray]) -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from drpbench.evaluation.results import ResultsError
 from drpbench.evaluation.rollout import Trace
 from drpbench.evaluation.trajectories import Trajectories, load_trajectories
 
@@ -58,7 +59,7 @@ def test_batches_become_one_file_with_each_instance_in_its_own_steps(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["run.npz"]
 
 
-@pytest.mark.parametrize("damage", ["cut", "garbled", "text", "absent"])
+@pytest.mark.parametrize("damage", ["cut", "garbled", "text", "array", "absent"])
 def test_a_damaged_file_is_refused_in_one_line(tmp_path, damage):
     trajectories = Trajectories(tmp_path / "run.json")
     trajectories.add("FDO", [0], trace(1, 0))
@@ -72,8 +73,11 @@ def test_a_damaged_file_is_refused_in_one_line(tmp_path, damage):
         path.write_bytes(whole[:100] + bytes(200) + whole[300:])
     elif damage == "text":
         path.write_text("not an archive")
-    else:
+    elif damage == "absent":
         path.unlink()
-    with pytest.raises(ValueError, match="run.npz: not a readable trajectory file") as error:
-        load_trajectories(path)
+    elif damage == "array":
+        with open(path, "wb") as file:
+            np.save(file, np.zeros(3))
+    with pytest.raises(ResultsError, match="run.npz: not a readable trajectory file") as error:
+        load_trajectories(path)["FDO-0"]
     assert len(str(error.value).splitlines()) == 1
