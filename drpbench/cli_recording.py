@@ -45,7 +45,7 @@ def recorder(
 
     ids = {task: range(sizes[task]) if ids is None else ids for task, ids in wanted.items()}
     only = {task: set(some[:count]) for task, some in ids.items()}
-    return Recorder(out.with_suffix(""), only)
+    return Recorder(out.with_suffix(""), only, out)
 
 
 def replay(

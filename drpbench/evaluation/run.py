@@ -39,6 +39,9 @@ class Progress(Protocol):
         """Rows are finished, and safe."""
 
 
+KEPT = ". The rows so far are kept; go on with --resume"
+"""What is said when a run breaks off because its policy is gone."""
+
 Watch = Callable[[Header, str, Sequence[int], Trace], None]
 """What is shown each batch of a run before its rows are safe: header, task, ids, trace."""
 
@@ -118,9 +121,7 @@ def run(request: Request, progress: Progress) -> Result:
                         request, policy, task, sets[task], wanted, journal, trajectories, progress
                     )
                 except PolicyError as error:  # it is gone for good: the rest is no verdict on it
-                    raise PolicyError(
-                        f"{error}. The rows so far are kept; go on with --resume"
-                    ) from None
+                    raise PolicyError(f"{error}{KEPT}") from None
             if trajectories:
                 trajectories.finish()
         return journal.finish()

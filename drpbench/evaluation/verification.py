@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from .errors import PolicyError
-from .registry import choose
+from .rerun import rerun
 from .results import Header, Result, ResultsError, Row, Scalar
-from .run import Progress, Request, run
+from .run import Progress
 from .submission import check
 
 VERDICT = ("success", "reached", "collided", "valid")
 """The fields of a row that the leaderboard counts."""
-
-_HOST = "host."  # what a header says of a policy outside jit, besides its own parameters
-_INNER = "policy."  # before the parameters of a policy that another one goes over
 
 
 @dataclass(frozen=True)
@@ -100,20 +93,7 @@ def verify(name: str, result: Result, count: int, seed: int, progress: Progress)
     if not result.rows:
         raise ResultsError(f"{name}: holds no row to run again")
     header = result.header
-    with tempfile.TemporaryDirectory(prefix="drpbench-") as folder:
-        again = run(
-            Request(
-                policy=header.policy,
-                problems=sample(result, count, seed),
-                out=Path(folder) / "again.json",
-                policy_arguments=_arguments(name, header),
-                seed=header.seed,
-                batch_size=header.batch_size,
-                **_time_limit(header),
-            ),
-            progress,
-        )
-    _require_same_policy(name, header, again.header.policy_parameters, again.header.privileged)
+    again = rerun(name, header, sample(result, count, seed), progress)
     rows = {row.key: row for row in result.rows}
     found = [d for row in again.rows for d in _differences(rows[row.key], row)]
     return Verification(len(again.rows), tuple(found), _elsewhere(header, again.header))
@@ -122,66 +102,6 @@ def verify(name: str, result: Result, count: int, seed: int, progress: Progress)
 def _differences(was: Row, now: Row) -> list[Difference]:
     values = ((field, getattr(was, field), getattr(now, field)) for field in Row.model_fields)
     return [Difference(was.task, was.id, field, a, b) for field, a, b in values if a != b]
-
-
-def _time_limit(header: Header) -> dict[str, float]:
-    limit = header.policy_parameters.get(f"{_HOST}time_limit")
-    return {} if limit is None else {"time_limit": limit}
-
-
-def _arguments(name: str, header: Header) -> list[str]:
-    """The `--policy-arg`s under which the policy has the parameters that the header states."""
-    if header.policy.startswith("remote:"):
-        return []  # its parameters are set where it runs; it may answer one connection only
-    stated = header.policy_parameters
-    try:
-        usual = choose(header.policy, **_time_limit(header)).parameters
-    except PolicyError as error:
-        if "needs a value" not in str(error):
-            raise
-        usual = {}
-    own, usual = _own(stated), _own(usual)
-    arguments = [f"{key}={value}" for key, value in own.items() if usual.get(key, _ABSENT) != value]
-    try:
-        choice = choose(header.policy, arguments, **_time_limit(header))
-    except PolicyError as error:
-        raise ResultsError(
-            f"{name}: {header.policy} cannot be had as it was run: {error}"
-        ) from None
-    _require_same_policy(name, header, choice.parameters, choice.policy.privileged)
-    return arguments
-
-
-def _require_same_policy(
-    name: str, header: Header, parameters: Mapping[str, Scalar | list[Scalar]], privileged: bool
-) -> None:
-    stated = header.policy_parameters | {"privileged": header.privileged}
-    here = {**parameters, "privileged": privileged}
-    for key in sorted(stated.keys() | here.keys()):
-        was, now = stated.get(key, _ABSENT), here.get(key, _ABSENT)
-        if was != now:
-            raise ResultsError(
-                f"{name}: {header.policy} was run with {key} {was}, and is {now} here; "
-                "it cannot be run again as it was"
-            )
-
-
-_ABSENT = "absent"
-
-
-def _own(parameters: Mapping[str, Scalar | list[Scalar]]) -> dict[str, Scalar | list[Scalar]]:
-    """The parameters of the innermost policy: those of what goes over it, and of its host, left out."""
-    depth = max((len(_prefix(key)) for key in parameters), default=0)
-    inner = {key[depth:]: value for key, value in parameters.items() if len(_prefix(key)) == depth}
-    return {key: value for key, value in inner.items() if not key.startswith(_HOST)}
-
-
-def _prefix(key: str) -> str:
-    """The "policy." of `key`, as often as it stands there."""
-    rest = key
-    while rest.startswith(_INNER):
-        rest = rest.removeprefix(_INNER)
-    return key[: len(key) - len(rest)]
 
 
 def _elsewhere(was: Header, now: Header) -> tuple[str, ...]:

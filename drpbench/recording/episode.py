@@ -64,13 +64,18 @@ class Episode:
 
     @property
     def name(self) -> str:
-        """`FDO-00017`: what its files are called."""
-        return f"{self.task}-{self.id:05d}"
+        """What its files are called."""
+        return episode_name(self.task, self.id)
 
     @property
     def instants(self) -> int:
         """T + 1."""
         return len(self.joint_position)
+
+
+def episode_name(task: str, id: int) -> str:
+    """`FDO-00017`."""
+    return f"{task}-{id:05d}"
 
 
 def nanoseconds(instant: Instant) -> Instant:

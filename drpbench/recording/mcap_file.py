@@ -25,6 +25,8 @@ from .motion import Motion, arm_at, motion
 from .reaction import reaction
 
 SELDOM = 6  # control steps between clouds, errors and reactions: 10 Hz
+TEMPORARY = ".*.mcap.tmp"
+"""Names of files that are not finished."""
 _CHUNK = 4 * 10**9  # [ns] about a megabyte
 FRAMES = LINKS[:9]  # link0 to link7, hand
 JOINTS = tuple(f"joint{i}" for i in range(1, 8))
@@ -49,7 +51,7 @@ def write_mcap(
     written.
     """
     groups = list(_messages(episode, module))
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = path.with_name(TEMPORARY.replace("*", f"{path.stem}.{os.getpid()}"))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:

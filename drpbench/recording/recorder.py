@@ -1,37 +1,48 @@
 """MCAP files of a run's episodes, in one folder."""
 
+import datetime
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Self
 
-from drpbench.evaluation import Header
+from drpbench.evaluation import Header, Result
+from drpbench.evaluation import load as load_result
 from drpbench.evaluation.rollout import Trace
 from drpbench.problems import load
 
-from .episode import Episode, traced
-from .mcap_file import write_mcap
+from .episode import Episode, episode_name, traced
+from .mcap_file import TEMPORARY, write_mcap
 from .reaction import dcp_rmp_of
+from .replay import Replayer
 
 
 class Recorder:
     """Writes `FDO-00017.mcap` and the like into `folder`; a file that is there is replaced.
 
     `only` says per task which instances `watch` takes; None takes all. As a context it watches a run, and
-    all files are written when it is left.
+    all files are written when it is left. Where the run went on with one that had been broken off, rows of
+    the file `result` may have none yet, or one of an older run: these episodes are replayed then.
     """
 
-    def __init__(self, folder: Path, only: Mapping[str, Collection[int]] | None = None):
-        self.folder, self.only = folder, only
+    def __init__(
+        self,
+        folder: Path,
+        only: Mapping[str, Collection[int]] | None = None,
+        result: Path | None = None,
+    ):
+        self.folder, self.only, self.result = folder, only, result
         self._thread = ThreadPoolExecutor(1)
         self._batch: Future | None = None
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_) -> None:
         self._thread.shutdown()
         self._finish()
+        if kind is None and self.result:
+            self._complete(load_result(self.result), self.result)
 
     def write(self, header: Header, episode: Episode) -> Path:
         """Writes one episode of a run; returns the file's path. Raises RecordingError where that fails."""
@@ -45,7 +56,7 @@ class Recorder:
             "problem_set_sha256": header.problem_set_sha256,
             **{f"version {name}": version for name, version in header.versions.items()},
         }
-        path = self.folder / f"{episode.name}.mcap"
+        path = self._path(episode.name)
         write_mcap(path, episode, about, dcp_rmp_of(header.policy_parameters))
         return path
 
@@ -65,5 +76,28 @@ class Recorder:
     def _write_batch(self, header: Header, task: str, ids: list[int], trace: Trace) -> None:
         problems = load(task)
         for lane, id in enumerate(ids):
-            if self.only is None or id in self.only[task]:
+            if self._takes(task, id):
                 self.write(header, traced(task, id, problems, header.seed, trace, lane))
+
+    def _path(self, name: str) -> Path:
+        return self.folder / f"{name}.mcap"
+
+    def _complete(self, result: Result, path: Path) -> None:
+        """Writes what is missing of the rows of a finished run, and removes what a crash left half written."""
+        begun = datetime.datetime.fromisoformat(result.header.created).timestamp()
+        replayer = Replayer(result, path)
+        for task in result.header.tasks:
+            rows = [row for row in result.rows if row.task == task and self._takes(task, row.id)]
+            files = [self._path(episode_name(row.task, row.id)) for row in rows]
+            missing = [
+                row
+                for row, file in zip(rows, files, strict=True)
+                if not file.is_file() or file.stat().st_mtime < begun
+            ]
+            for replay in replayer.replay(missing) if missing else ():
+                self.write(result.header, replay.episode)
+        for half in self.folder.glob(TEMPORARY):
+            half.unlink(missing_ok=True)
+
+    def _takes(self, task: str, id: int) -> bool:
+        return self.only is None or id in self.only[task]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from drpbench.envs import TASKS
-from drpbench.evaluation import LANES, Header, Request, Result, Row, run
-from drpbench.evaluation.registry import choose
+from drpbench.evaluation import LANES, Header, Result, Row
+from drpbench.evaluation.rerun import rerun
 from drpbench.evaluation.rollout import Trace
 from drpbench.evaluation.run import device_name, versions
 from drpbench.evaluation.trajectories import load_trajectories
@@ -39,8 +38,8 @@ class Replayer:
     """Episodes of the result in the file `path`.
 
     Beside it `path` with suffix .npz is looked for, as `drpbench run --save-trajectories` writes it. What
-    is not in there is run again with the same policy, seed and batch size. `advanced` is told of control
-    steps done. Raises RecordingError where the result's problems are not those of this drpbench.
+    is not in there is run again with the same policy, parameters, seed and batch size. `advanced` is told of
+    control steps done. Raises RecordingError where the result's problems are not those of this drpbench.
     """
 
     def __init__(
@@ -49,7 +48,8 @@ class Replayer:
         path: Path,
         advanced: Callable[[int], None] = lambda steps: None,
     ):
-        self.result, self.recorded, self.advanced = result, path.with_suffix(".npz"), advanced
+        self.result, self.path, self.advanced = result, path, advanced
+        self.recorded = path.with_suffix(".npz")
         self.problems: dict[str, ProblemSet] = {}
         for task in result.header.tasks:
             if task not in TASKS:
@@ -120,7 +120,6 @@ class Replayer:
 
     def _run_again(self, rows: Sequence[Row]) -> dict[int, Replay]:
         header, task = self.result.header, rows[0].task
-        _require_parameters(header)
         # XLA's rounding depends on the size of the batch and on the processor; elsewhere it differs anyway.
         same = device_name() == header.device
         seen: dict[int, Episode] = {}
@@ -129,18 +128,14 @@ class Replayer:
             for lane, id in enumerate(ids):
                 seen[id] = traced(task, id, self.problems[task], now.seed, trace, lane)
 
-        with tempfile.TemporaryDirectory(prefix="drpbench-") as folder:
-            again = run(
-                Request(
-                    policy=header.policy,
-                    problems={task: [row.id for row in rows]},
-                    out=Path(folder) / "again.json",
-                    seed=header.seed,
-                    batch_size=header.batch_size if same else LANES,
-                    watch=watch,
-                ),
-                _Steps(self.advanced),
-            )
+        again = rerun(
+            str(self.path),
+            header,
+            {task: [row.id for row in rows]},
+            _Steps(self.advanced),
+            watch,
+            batch_size=None if same else LANES,
+        )
         now = {row.id: row for row in again.rows}
         return {row.id: Replay(row, seen[row.id], self._remark(row, now[row.id])) for row in rows}
 
@@ -172,17 +167,6 @@ class _Steps:
     def begin(self, task: str, steps: int, done: int) -> None: ...
 
     def rows(self, rows: Sequence[Row]) -> None: ...
-
-
-def _require_parameters(header: Header) -> None:
-    """A policy run again by its name must have the parameters it had."""
-    now = choose(header.policy).parameters
-    for name, then in header.policy_parameters.items():
-        if not name.startswith("host.") and now.get(name) != then:
-            raise RecordingError(
-                f"{header.policy} cannot be run again as it was: {name} was {then}, it is "
-                f"{now.get(name)} by default; run it with --record or --save-trajectories instead"
-            )
 
 
 def _outcome(row: Row) -> str:

@@ -5,9 +5,11 @@ import sys
 import pytest
 
 from drpbench import cli
-from drpbench.evaluation import verification
+from drpbench.evaluation import rerun
+from drpbench.evaluation.errors import PolicyError
 from drpbench.evaluation.leaderboard import load_dir
 from drpbench.evaluation.results import Header, Result, ResultsError, Row, save
+from drpbench.evaluation.run import KEPT
 from drpbench.evaluation.shipped import shipped_results
 from drpbench.evaluation.verification import sample, verify
 
@@ -56,7 +58,7 @@ def again(monkeypatch):
             header = Header(**(result.header.model_dump() | changes))
             return Result(header=header, rows=[row for row in result.rows if row.key in wanted])
 
-        monkeypatch.setattr(verification, "run", run)
+        monkeypatch.setattr(rerun, "run", run)
         return requests
 
     return answers
@@ -187,6 +189,16 @@ def test_a_remote_policy_is_asked_where_it_runs(fdo, again):
     requests = again(result)
     assert verify("x.json", result, 5, 0, Silent()).equal == 5
     assert list(requests[0].policy_arguments) == []
+
+
+def test_a_policy_lost_on_the_way_leaves_nothing_to_resume(fdo, monkeypatch):
+    def run(request, progress):
+        raise PolicyError(f"the policy process has ended{KEPT}")
+
+    monkeypatch.setattr(rerun, "run", run)
+    with pytest.raises(PolicyError) as error:
+        verify("x.json", fdo, 5, 0, Silent())
+    assert str(error.value) == "the policy process has ended"
 
 
 def test_a_result_without_rows_is_refused(fdo):

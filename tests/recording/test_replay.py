@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import drpbench.recording.replay as replay_module
-from drpbench.evaluation.results import Result
+from drpbench.evaluation import rerun
+from drpbench.evaluation.results import Result, ResultsError
 from drpbench.recording import RecordingError, Replayer
 
 
@@ -69,7 +69,7 @@ def test_a_truncated_npz_is_refused(stored):
 
 
 @pytest.fixture
-def again(rolled, monkeypatch):
+def again(rolled, header, monkeypatch):
     """Running again, as if it came out as it did here; what it was asked for."""
     asked = []
 
@@ -79,7 +79,6 @@ def again(rolled, monkeypatch):
         progress.advance(1000)
         lanes = [rolled.ids.index(id) for id in ids]
         assert lanes == list(range(len(lanes))) or len(lanes) == 1
-        header = SimpleNamespace(seed=request.seed)
         parts = {
             field.name: getattr(rolled.trace, field.name) for field in fields(type(rolled.trace))
         }
@@ -90,10 +89,13 @@ def again(rolled, monkeypatch):
                 if isinstance(value, np.ndarray)
             }
         )
-        request.watch(header, "FDO", ids, trace)
-        return SimpleNamespace(rows=[rolled.rows[lane] for lane in lanes])
+        choice = rerun.choose(request.policy, request.policy_arguments)
+        parameters = {"policy_parameters": choice.parameters, "seed": request.seed}
+        now = header.model_copy(update=parameters)
+        request.watch(now, "FDO", ids, trace)
+        return SimpleNamespace(header=now, rows=[rolled.rows[lane] for lane in lanes])
 
-    monkeypatch.setattr(replay_module, "run", run)
+    monkeypatch.setattr(rerun, "run", run)
     return asked
 
 
@@ -130,15 +132,26 @@ def test_another_outcome_is_told_with_what_has_changed(stored, rolled, again):
     assert len(found.remark.splitlines()) == 1
 
 
-def test_a_policy_with_other_parameters_is_not_run_again(stored, again):
+def _stating(stored, **parameters):
+    """The replayer of a result whose header states these parameters, without trajectories."""
     result, path = stored
     path.with_suffix(".npz").unlink()
-    parameters = {**result.header.policy_parameters, "constants.k_p": 7.0}
-    header = result.header.model_copy(update={"policy_parameters": parameters})
-    replayer = Replayer(result.model_copy(update={"header": header}), path)
-    with pytest.raises(RecordingError, match=r"constants.k_p was 7.0, it is 100.0 by default"):
+    stated = {**result.header.policy_parameters, **parameters}
+    header = result.header.model_copy(update={"policy_parameters": stated})
+    return Replayer(result.model_copy(update={"header": header}), path)
+
+
+def test_a_policy_is_run_again_with_the_parameters_it_was_given(stored, again):
+    replayer = _stating(stored, **{"policy.speed": 0.25})
+    replayer.replay([replayer.row("FDO", 3)])
+    assert list(again[0].policy_arguments) == ["speed=0.25"]
+
+
+def test_a_policy_with_parameters_that_cannot_be_given_is_not_run_again(stored, again):
+    replayer = _stating(stored, **{"constants.k_p": 7.0})
+    with pytest.raises(ResultsError, match=r"constants.k_p 7.0, and is 100.0 here") as error:
         replayer.replay([replayer.row("FDO", 3)])
-    assert not again
+    assert not again and len(str(error.value).splitlines()) == 1
 
 
 def test_a_grid_is_spread_over_the_result(stored):

@@ -1,0 +1,114 @@
+"""A run once more as it was run: the same policy with the same parameters, seed and batch size."""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from .errors import PolicyError
+from .registry import choose
+from .results import Header, Result, ResultsError, Scalar
+from .run import KEPT, Progress, Request, Watch, run
+
+_HOST = "host."  # what a header says of a policy outside jit, besides its own parameters
+_INNER = "policy."  # before the parameters of a policy that another one goes over
+
+
+def rerun(
+    name: str,
+    header: Header,
+    problems: Mapping[str, Sequence[int]],
+    progress: Progress,
+    watch: Watch | None = None,
+    batch_size: int | None = None,
+) -> Result:
+    """Runs problems (ids by task) again as a result's header says; nothing is left on the disk.
+
+    Args:
+        name: what a message should call the result, usually its file.
+        batch_size: another than the header's.
+
+    Raises:
+        ResultsError: the policy cannot be had with the parameters that the header states.
+        PolicyError, WeightsError: it cannot be had at all, or is lost on the way.
+    """
+    with tempfile.TemporaryDirectory(prefix="drpbench-") as folder:
+        request = Request(
+            policy=header.policy,
+            problems=problems,
+            out=Path(folder) / "again.json",
+            policy_arguments=arguments_of(name, header),
+            seed=header.seed,
+            batch_size=batch_size or header.batch_size,
+            watch=watch,
+            **_time_limit(header),
+        )
+        try:
+            again = run(request, progress)
+        except PolicyError as error:  # its rows go with the folder: there is nothing to resume
+            raise PolicyError(str(error).removesuffix(KEPT)) from None
+    _require_same_policy(name, header, again.header.policy_parameters, again.header.privileged)
+    return again
+
+
+def _time_limit(header: Header) -> dict[str, float]:
+    limit = header.policy_parameters.get(f"{_HOST}time_limit")
+    return {} if limit is None else {"time_limit": limit}
+
+
+def arguments_of(name: str, header: Header) -> list[str]:
+    """The `--policy-arg`s under which the policy has the parameters that a result's header states.
+
+    Raises ResultsError, naming the result as `name`, where there are none such; PolicyError or
+    WeightsError where the policy cannot be had at all.
+    """
+    if header.policy.startswith("remote:"):
+        return []  # its parameters are set where it runs; it may answer one connection only
+    stated = header.policy_parameters
+    try:
+        usual = choose(header.policy, **_time_limit(header)).parameters
+    except PolicyError as error:
+        if "needs a value" not in str(error):
+            raise
+        usual = {}
+    own, usual = _own(stated), _own(usual)
+    arguments = [f"{key}={value}" for key, value in own.items() if usual.get(key, _ABSENT) != value]
+    try:
+        choice = choose(header.policy, arguments, **_time_limit(header))
+    except PolicyError as error:
+        raise ResultsError(
+            f"{name}: {header.policy} cannot be had as it was run: {error}"
+        ) from None
+    _require_same_policy(name, header, choice.parameters, choice.policy.privileged)
+    return arguments
+
+
+def _require_same_policy(
+    name: str, header: Header, parameters: Mapping[str, Scalar | list[Scalar]], privileged: bool
+) -> None:
+    stated = header.policy_parameters | {"privileged": header.privileged}
+    here = {**parameters, "privileged": privileged}
+    for key in sorted(stated.keys() | here.keys()):
+        was, now = stated.get(key, _ABSENT), here.get(key, _ABSENT)
+        if was != now:
+            raise ResultsError(
+                f"{name}: {header.policy} was run with {key} {was}, and is {now} here; "
+                "it cannot be run again as it was"
+            )
+
+
+_ABSENT = "absent"
+
+
+def _own(parameters: Mapping[str, Scalar | list[Scalar]]) -> dict[str, Scalar | list[Scalar]]:
+    """The parameters of the innermost policy: those of what goes over it, and of its host, left out."""
+    depth = max((len(_prefix(key)) for key in parameters), default=0)
+    inner = {key[depth:]: value for key, value in parameters.items() if len(_prefix(key)) == depth}
+    return {key: value for key, value in inner.items() if not key.startswith(_HOST)}
+
+
+def _prefix(key: str) -> str:
+    """The "policy." of `key`, as often as it stands there."""
+    rest = key
+    while rest.startswith(_INNER):
+        rest = rest.removeprefix(_INNER)
+    return key[: len(key) - len(rest)]
