@@ -45,12 +45,58 @@ def data(
     )
 
 
+def correct(
+    weights: Annotated[Path, typer.Argument(help="A file of IMPACT's weights.")],
+    demonstrations: Annotated[Path, typer.Option("--data", help="Folder of drpbench data.")],
+    out: Annotated[Path, typer.Option(help="Folder to write to.")],
+    count: Annotated[
+        int | None, typer.Option(help="Of how many demonstrations [default: all whole shards]")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of clouds and of what is kept.")] = 0,
+) -> None:
+    """Let a network go astray in demonstrated problems, and the expert show the way on from there.
+
+    Then train with --data twice: the demonstrations and these. Goes on where it stopped.
+    """
+    from drpbench.learning.corrections import fill_corrections
+    from drpbench.learning.demonstrations import Shards, read
+    from drpbench.learning.production import SHARD
+    from drpbench.policies.weights import load
+
+    there = read(demonstrations)
+    count = there.count // SHARD * SHARD if count is None else count
+    if count < 1 or count % SHARD:
+        near = max(SHARD, round(count / SHARD) * SHARD)
+        raise Refused(f"--count {count}: must be a multiple of {SHARD}, such as {near}")
+    if count > there.count:
+        raise Refused(f"--count {count}: {demonstrations} holds {there.count} demonstrations")
+    policy = load(weights)
+    shards = Shards(out, f"corrections-{policy.weights[:8]}", SHARD)
+    from drpbench.compile import use_cache
+
+    use_cache()
+    from rich.console import Console
+
+    from drpbench.terminal import DataProgress
+
+    with DataProgress(Console(), count, ("walked", "corrected")) as progress:
+        fill_corrections(shards, policy, there, count, seed, progress.advance)
+    counts = shards.counts
+    typer.echo(
+        f"{out}: {counts['solved']} corrections of {counts['drawn']} episodes, "
+        f"{counts['obstructed']} of them with the goal out of reach"
+    )
+
+
 def train(
     network: Annotated[str, typer.Argument(help="What to train: impact")],
     out: Annotated[Path, typer.Option(help="Folder of the run.")],
     demonstrations: Annotated[
-        Path | None,
-        typer.Option("--data", help="Folder of drpbench data [default: straight from the expert]"),
+        list[Path] | None,
+        typer.Option(
+            "--data",
+            help="Folder of drpbench data or correct; may be given again [default: straight from the expert]",
+        ),
     ] = None,
     size: Annotated[
         str, typer.Option(help="full (the paper's) or small (for processors)")
@@ -125,8 +171,8 @@ def train(
         validation_problems=validation_problems,
     )
     source = (
-        nullcontext(Folder(demonstrations))
-        if demonstrations is not None
+        nullcontext(Folder(*demonstrations))
+        if demonstrations
         else Stream(capacity, workers=workers)
     )
     with source as feed, TrainingProgress(Console(), steps) as progress:

@@ -56,10 +56,14 @@ class RunProgress:
 
 
 class DataProgress:
-    """A bar of problems drawn, with the share that was solved; plain lines without a terminal."""
+    """A bar of problems drawn, with the share that was solved; plain lines without a terminal.
 
-    def __init__(self, console: Console, count: int):
+    `words` are other names for drawn and solved.
+    """
+
+    def __init__(self, console: Console, count: int, words: tuple[str, str] = ("drawn", "solved")):
         self._console, self._drawn, self._solved = console, 0, 0
+        self._words = words
         self._bars = _bars(console)
         self._bar = self._bars.add_task("data", total=count, told="compiling")
 
@@ -73,7 +77,9 @@ class DataProgress:
     def advance(self, drawn: int, solved: int) -> None:
         self._drawn += drawn
         self._solved += solved
-        told = f"{self._drawn} drawn, {100 * self._solved / self._drawn:.1f}% solved"
+        drawn_word, solved_word = self._words
+        share = 100 * self._solved / self._drawn
+        told = f"{self._drawn} {drawn_word}, {share:.1f}% {solved_word}"
         self._bars.update(self._bar, advance=drawn, told=told)
         if not self._console.is_terminal and self._drawn % 1024 < drawn:
             self._console.print(told, highlight=False)

@@ -32,7 +32,6 @@ from .demonstrations import Demonstrations
 NEAR = RAMP / float(VELOCITY_LIMIT.min())  # [s at the velocity limits]
 TAU = NEAR / SPEED  # [s]
 BESIDE = 0.03  # [rad] standard deviation of the largest offsets from the path
-OBSTRUCTED_WEIGHT = 3  # times as often as others are such demonstrations shown
 AT_REST = 0.08  # share of samples at the end of a path
 DENSITY_SPREAD = 0.8  # of the logarithm of how densely each obstacle is seen
 
@@ -68,10 +67,7 @@ def along(path: Float[Array, "T 7"], share: Float[Array, "*n"]) -> Float[Array, 
 def draw(key: PRNGKeyArray, demonstrations: Demonstrations, count: int, scene_points: int) -> Batch:
     """`count` independent samples, with clouds of `scene_points` points."""
     which_key, sample_key = jax.random.split(key)
-    # Goals out of reach are rarer than what there is to learn from them.
-    ends = jnp.cumsum(jnp.where(demonstrations.reached, 1, OBSTRUCTED_WEIGHT))
-    ticket = jax.random.randint(which_key, (count,), 0, ends[-1])
-    which = jnp.searchsorted(ends, ticket, side="right")
+    which = jax.random.randint(which_key, (count,), 0, demonstrations.count)
     chosen = jax.tree.map(lambda leaf: leaf[which], demonstrations)
     keys = jax.random.split(sample_key, count)
     return jax.vmap(lambda one, obstacles, key: _sample(one, obstacles, key, scene_points))(

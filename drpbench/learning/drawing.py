@@ -29,7 +29,7 @@ TRAINING_STREAM = "training"
 VALIDATION_STREAM = "validation"
 FAMILY_NAMES = tuple(FAMILIES)
 
-OBSTRUCTED_SHARE = 0.2
+OBSTRUCTED_SHARE = 0.3
 FLOATING_SHARE = 0.4  # of scenes that have one to three floating boxes
 HINT_WAYPOINTS = 64
 _LEAST_WAY = {"ff": 0.3, "ft": 0.3, "tf": 0.3, "tt": 0.2}  # [m] from start to goal position

@@ -35,7 +35,7 @@ from .retiming import uniform
 from .spline import basis, energy, fit
 from .stopping import shortened, touches
 
-ACTIVATION = 0.03  # [m] from obstacles that paths keep where there is room
+ACTIVATION = 0.06  # [m] from obstacles that paths keep where there is room
 OWN_ACTIVATION = 0.01  # [m] between forearm or hand and trunk
 LIMIT_MARGIN = 0.05  # [rad] kept from the joint limits, but for a start or goal beyond
 _LEAST_ACTIVATION = 0.007  # [m] at a start or goal that has less room

@@ -15,6 +15,7 @@ import jax
 import numpy as np
 
 from .demonstrations import DataError, Demonstrations, join, read, read_manifest
+from .drawing import TRAINING_STREAM
 from .production import SHARD, Production
 
 _BLOCK = 256  # demonstrations that replace older ones at once
@@ -37,22 +38,31 @@ class Feed(Protocol):
 
 
 class Folder:
-    """What `drpbench data` wrote. Raises DataError."""
+    """What `drpbench data` and `drpbench correct` wrote, in one folder or several. Raises DataError."""
 
-    def __init__(self, folder: Path):
-        self._demonstrations = read(folder)
-        counts = read_manifest(folder)["shards"].values()
-        drawn, obstructed = (sum(row[name] for row in counts) for name in ("drawn", "obstructed"))
-        self.about = (
-            f"{self._demonstrations.count} expert paths, {obstructed} of them to goals out of reach; "
-            f"of {drawn} problems drawn"
-        )
+    def __init__(self, *folders: Path):
+        self._demonstrations = join([read(folder) for folder in folders])
+        self.about = "; and ".join(_about(folder) for folder in folders)
 
     def begin(self) -> Demonstrations:
         return self._demonstrations
 
     def refresh(self, resident: Demonstrations) -> Demonstrations:
         return resident
+
+
+def _about(folder: Path) -> str:
+    manifest = read_manifest(folder)
+    rows = manifest["shards"].values()
+    drawn, solved, obstructed = (
+        sum(row[name] for row in rows) for name in ("drawn", "solved", "obstructed")
+    )
+    of = (
+        f"of {drawn} problems drawn"
+        if manifest["stream"] == TRAINING_STREAM
+        else f"{manifest['stream']} after {drawn} of its episodes"
+    )
+    return f"{solved} expert paths, {obstructed} of them to goals out of reach; {of}"
 
 
 class Stream:

@@ -134,7 +134,7 @@ class Pretraining:
 
         def step(state: TrainingState, _):
             key = jax.random.fold_in(jax.random.key(self.settings.seed), state.step)
-            batch = draw(key, demonstrations, self.settings.batch, self.size.scene_points)
+            batch = draw(key, demonstrations, self.settings.batch, self.size.points_seen)
             batch = jax.lax.with_sharding_constraint(batch, split)
             loss, slope = self._slope(state.parameters, batch)
             updates, optimiser = self._optimiser.update(slope, state.optimiser, state.parameters)

@@ -11,7 +11,7 @@ from .clearance_cost import Gaps, clearance_cost, everywhere, gaps
 from .levenberg_marquardt import minimise
 from .path_check import CLEARANCE
 
-STOP_CLEARANCE = 0.015  # [m] kept from obstacles, and from the arm itself, where the path ends
+STOP_CLEARANCE = 0.03  # [m] kept from obstacles, and from the arm itself, where the path ends
 _WEIGHT = 1.0e4  # [rad^2/m^2] of clearance: a pull of 2 rad costs it a millimetre or less
 _ITERATIONS = 80
 _STEP = 0.05  # [rad] that a joint moves at most in one: nothing is jumped over

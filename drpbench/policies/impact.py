@@ -25,7 +25,15 @@ import numpy as np
 from flax import nnx
 from jaxtyping import Array, Bool, Float
 
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, link_poses, surface_points
+from drpbench.robot import (
+    HOME,
+    JOINT_LOWER,
+    JOINT_UPPER,
+    BodyPoints,
+    link_poses,
+    moving_spheres,
+    surface_points,
+)
 
 from .chunks import CHUNK, FLOOR, RAMP
 from .layers import attention, dot_general, greatest
@@ -34,6 +42,25 @@ from .set_abstraction import farthest_points, gather, in_pieces, neighbourhoods
 SCENE_POINTS, ROBOT_POINTS = 2048, 256  # of an observation
 Parameters = dict[str, Any]
 """A nested dict of float32 arrays."""
+
+
+def _felt() -> BodyPoints:
+    """The collision spheres that may have feelers: those of the upper forearm to the fingers."""
+    model = moving_spheres()
+    return model.part(model.frame >= 3)
+
+
+@functools.cache
+def feeler_points(count: int) -> BodyPoints:
+    """`count` of the arm's sphere centres, spread over it: each the farthest from those before it, at home."""
+    model = _felt()
+    with jax.ensure_compile_time_eval():
+        places = np.asarray(model.world(link_poses(jnp.asarray(HOME, jnp.float32))))
+    chosen = [model.count - 1]
+    while len(chosen) < count:
+        gap = np.linalg.norm(places[:, None] - places[chosen], axis=-1).min(axis=1)
+        chosen.append(int(np.argmax(gap)))
+    return model.part(np.sort(chosen))
 
 
 @dataclass(frozen=True)
@@ -59,20 +86,34 @@ class ImpactSize:
     """Whether the arm at its goal is shown: as tokens, and every scene point with its closeness to the arm
     as it is and as it will be. The paper's network has to find that out from joints alone, which takes
     data by the million."""
+    feelers: int = 0
+    """So many places on the arm feel what is around them: for each, the scene points within
+    `feeler_radius` make a token, with the arm as it is and again with the arm at its goal."""
+    feeler_radius: float = 0.12
+    """[m]"""
+    feeler_samples: int = 24
 
     def __post_init__(self):
         for field in fields(self):
             value = getattr(self, field.name)
             if (
                 not isinstance(value, bool)
+                and field.name != "feelers"
                 and min(value if isinstance(value, tuple) else (value,)) <= 0
             ):
                 raise ValueError(f"{field.name} must be positive, not {value}")
+        if not 0 <= self.feelers <= _felt().count:
+            raise ValueError(f"feelers must be 0 to {_felt().count}, not {self.feelers}")
         for used, all_of_them in (("scene_points", SCENE_POINTS), ("robot_points", ROBOT_POINTS)):
             if all_of_them % getattr(self, used):
                 raise ValueError(f"{used} must divide {all_of_them}, not be {getattr(self, used)}")
         if self.width % self.heads:
             raise ValueError(f"width {self.width} is not a multiple of heads {self.heads}")
+
+    @property
+    def points_seen(self) -> int:
+        """How many scene points are looked at: feelers miss none of them."""
+        return SCENE_POINTS if self.feelers else self.scene_points
 
 
 FULL = ImpactSize()
@@ -91,8 +132,10 @@ SMALL = ImpactSize(
     encoder_layers=2,
     decoder_layers=1,
     sees_goal=True,
+    feelers=12,
 )
-"""For processors without an accelerator: the same architecture, but that it sees the arm at its goal."""
+"""For processors without an accelerator: the same architecture, but that it sees the arm at its goal, and has
+feelers."""
 SIZES = {"full": FULL, "small": SMALL}
 
 Linear = functools.partial(
@@ -124,9 +167,13 @@ def normalised(q: Float[Array, "*batch 7"]) -> Float[Array, "*batch 7"]:
 def arm_at(q: Float[Array, "*batch 7"], count: int) -> Float[Array, "*batch {count} 3"]:
     """Every (256 / count)-th of the observed points of the arm, at joints `q` [rad]: positions [m]."""
     observed = surface_points(ROBOT_POINTS)
-    points = observed.part(np.arange(0, ROBOT_POINTS, ROBOT_POINTS // count))
+    return _world(observed.part(np.arange(0, ROBOT_POINTS, ROBOT_POINTS // count)), q)
+
+
+def _world(points: BodyPoints, q: Float[Array, "*batch 7"]) -> Float[Array, "*batch S 3"]:
+    """Where points of the arm are [m] at joints `q` [rad]."""
     flat = jax.vmap(lambda one: points.world(link_poses(one)))(q.reshape(-1, 7))
-    return flat.reshape(*q.shape[:-1], count, 3)
+    return flat.reshape(*q.shape[:-1], points.count, 3)
 
 
 def _closeness(
@@ -146,8 +193,18 @@ def _closeness(
 class PointTokens(nnx.Module):
     """Set abstraction and its projection to tokens."""
 
-    def __init__(self, size: ImpactSize, tokens: int, dtype, rngs: nnx.Rngs, features: int = 0):
-        self.tokens, self.radius, self.samples = tokens, size.radius, size.samples
+    def __init__(
+        self,
+        size: ImpactSize,
+        tokens: int,
+        dtype,
+        rngs: nnx.Rngs,
+        features: int = 0,
+        radius: float | None = None,
+        samples: int | None = None,
+    ):
+        self.tokens = tokens
+        self.radius, self.samples = radius or size.radius, samples or size.samples
         widths = (3 + features, *size.point_mlp)
         self.point_mlp = nnx.List(
             Linear(a, b, dtype=dtype, rngs=rngs) for a, b in zip(widths, widths[1:], strict=False)
@@ -162,12 +219,17 @@ class PointTokens(nnx.Module):
         points: Float[Array, "*batch N 3"],
         mask: Bool[Array, "*batch N"],
         *features: Float[Array, "*batch N F"],
+        centers: Float[Array, "*batch T 3"] | None = None,
     ):
+        """A token for each of `centers`; without them, for points of the cloud that are far apart."""
         batch = mask.shape[:-1]
         points, mask, *features = (
             leaf.reshape(-1, *leaf.shape[len(batch) :]) for leaf in (points, mask, *features)
         )
-        centers = gather(points, farthest_points(points, mask, self.tokens))
+        if centers is None:
+            centers = gather(points, farthest_points(points, mask, self.tokens))
+        else:
+            centers = centers.reshape(-1, *centers.shape[len(batch) :])
         clouds = (points, mask, centers, *features)
         pooled = in_pieces(self._pooled, self.tokens * self.samples, *clouds)
         tokens = self.out(nnx.relu(self.norm(self.hidden(pooled))))
@@ -179,11 +241,13 @@ class PointTokens(nnx.Module):
     def _pooled(self, points, mask, centers, features=None):
         """The shared MLP and its maximum over each neighbourhood."""
         x = neighbourhoods(points, mask, centers, self.radius, self.samples, features)
+        # Around a centre that is no point of the cloud there may be none.
+        there = jnp.sum(jnp.square(x[..., 0, :3]), axis=-1, keepdims=True) < 1.0
         x = x.astype(self.dtype)
         for layer in self.point_mlp[:-1]:
             x = nnx.relu(layer(x))
         # ReLU keeps order, so it may follow the maximum.
-        return nnx.relu(greatest(self.point_mlp[-1](x)))
+        return jnp.where(there, nnx.relu(greatest(self.point_mlp[-1](x))), 0.0)
 
 
 class Attention(nnx.Module):
@@ -282,6 +346,12 @@ class ImpactNetwork(nnx.Module):
         self.difference = JointToken(14, size, dtype, rngs)
         draw = nnx.initializers.normal(0.02)
         self.types = nnx.Param(draw(rngs.params(), (6 if size.sees_goal else 5, size.width)))
+        if size.feelers:
+            radius, samples = size.feeler_radius, size.feeler_samples
+            self.feeler = PointTokens(
+                size, size.feelers, dtype, rngs, radius=radius, samples=samples
+            )
+            self.places = nnx.Param(draw(rngs.params(), (2, size.feelers, size.width)))
         self.actions = nnx.Param(draw(rngs.params(), (CHUNK, size.width)))
         self.encoder = nnx.List(EncoderLayer(size, dtype, rngs) for _ in range(size.encoder_layers))
         self.decoder = nnx.List(DecoderLayer(size, dtype, rngs) for _ in range(size.decoder_layers))
@@ -305,6 +375,7 @@ class ImpactNetwork(nnx.Module):
         surface keeps its share.
         """
         size = self.size
+        all_points, all_there = scene_points, scene_mask
         stride = scene_points.shape[-2] // size.scene_points
         scene_points, scene_mask = scene_points[..., ::stride, :], scene_mask[..., ::stride]
         robot_points = robot_points[..., :: robot_points.shape[-2] // size.robot_points, :]
@@ -331,7 +402,12 @@ class ImpactNetwork(nnx.Module):
         if size.sees_goal:
             groups.append(self.robot(goal_points, there))
         types = self.types[...].astype(self.dtype)
-        x = jnp.concatenate([tokens + types[i] for i, tokens in enumerate(groups)], axis=-2)
+        groups = [tokens + types[i] for i, tokens in enumerate(groups)]
+        if size.feelers:
+            for q, place in zip((joints, goal), self.places[...].astype(self.dtype), strict=True):
+                centers = _world(feeler_points(size.feelers), q)
+                groups.append(self.feeler(all_points, all_there, centers=centers) + place)
+        x = jnp.concatenate(groups, axis=-2)
         for layer in self.encoder:
             x = layer(x)
         memory = self.memory_norm(x)

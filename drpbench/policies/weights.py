@@ -134,7 +134,9 @@ def _size(text: str) -> ImpactSize:
     """The sizes that a file states. Raises ValueError or TypeError."""
     values = json.loads(text)
     names = {field.name for field in fields(ImpactSize)}
-    if not isinstance(values, dict) or values.keys() != names:
+    # A file from before a size existed is of a network without it: the defaults say so.
+    since = {"feelers", "feeler_radius", "feeler_samples"}
+    if not isinstance(values, dict) or not names - since <= values.keys() <= names:
         raise ValueError(f"they must be {', '.join(sorted(names))}")
     return ImpactSize(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
 

@@ -37,8 +37,10 @@ def test_places_along_a_path_are_between_its_waypoints():
 def test_points_lie_on_obstacles_above_the_table(batch, demonstrations):
     obstacles = demonstrations.obstacles()
     for b in range(8):
-        points = batch.scene_points[b]
-        assert batch.scene_mask[b].all()
+        # A scene that is mostly table has fewer: what is under its top is not seen.
+        there = np.asarray(batch.scene_mask[b])
+        assert there.mean() > 0.4
+        points = batch.scene_points[b][there]
         # Which of the demonstrations it was is not told: one of them has all points on it.
         off = jax.vmap(lambda scene, p=points: jnp.max(signed_distance(p, scene)))(obstacles)
         assert float(jnp.min(off)) < 1e-4

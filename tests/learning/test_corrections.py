@@ -1,0 +1,104 @@
+"""Corrections begin where a policy went astray, and lead to the goal without touching."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from drpbench.learning import corrections
+from drpbench.learning.clearance_cost import gaps
+from drpbench.learning.corrections import STEPS, _hint, _stray, correct, fill_corrections
+from drpbench.learning.demonstrations import Shards, read
+from drpbench.learning.path_check import check_path
+from drpbench.policies.floors import Straight
+
+
+def walk(touch=None, arrive=None):
+    """A straight walk towards a goal at 1 rad; it touches, or arrives, at a step."""
+    share = np.minimum(np.arange(STEPS) / (arrive or 10 * STEPS), 1.0)
+    walked = jnp.asarray(np.repeat(share[:, None], 7, axis=1), jnp.float32)
+    room = jnp.full(STEPS, 0.1)
+    return walked, room if touch is None else room.at[touch].set(-0.01), jnp.ones(7)
+
+
+def kept(*walked, count=200):
+    keys = jax.random.split(jax.random.key(0), count)
+    q, usable = jax.vmap(lambda key: _stray(*walked, key))(keys)
+    steps = np.abs(np.asarray(walked[0])[None, :, 0] - np.asarray(q)[:, :1]).argmin(axis=1)
+    return steps, np.asarray(usable)
+
+
+def test_what_is_kept_is_before_the_touch_mostly_just_before():
+    steps, usable = kept(*walk(touch=50))
+    assert usable.all() and steps.max() == 49
+    assert 0.6 < np.mean(steps >= 44) < 0.9
+
+
+def test_what_is_kept_is_not_at_the_goal_yet():
+    steps, usable = kept(*walk(arrive=80))
+    assert usable.all() and steps.max() < 0.96 * 80 and steps.min() < 10
+
+
+def test_an_episode_that_touches_at_once_gives_nothing():
+    assert not kept(*walk(touch=0))[1].any()
+
+
+def test_a_hint_joins_the_old_path_and_ends_where_it_does():
+    path = jnp.linspace(0.0, 1.0, 64)[:, None] * jnp.ones(7)
+    q = path[30] + 0.01
+    hint = np.asarray(_hint(path, q))
+    np.testing.assert_allclose(hint[0], q)
+    np.testing.assert_allclose(hint[1], path[33 if abs(q[0] - path[30, 0]) < 0.008 else 34])
+    np.testing.assert_allclose(hint[-1], path[-1])
+
+
+@pytest.fixture(scope="module")
+def corrected(demonstrations):
+    patch = pytest.MonkeyPatch()
+    patch.setattr(corrections, "batch_size", lambda: demonstrations.count)
+    yield correct(Straight(), demonstrations, seed=0)
+    patch.undo()
+
+
+def test_corrections_are_free_and_end_at_the_goal(demonstrations, corrected):
+    assert 0.5 * demonstrations.count <= corrected.count <= demonstrations.count
+    found = jax.tree.map(jnp.asarray, corrected)
+    free = jax.vmap(lambda path, obstacles: check_path(path, obstacles).free)
+    assert free(found.path, found.obstacles()).all()
+    room = jax.vmap(lambda q, obstacles: gaps(q, obstacles).obstacle.min())
+    assert (room(found.path[:, 0], found.obstacles()) > 0.0).all()
+    np.testing.assert_array_equal(found.path[:, -1], found.goal)
+
+
+def test_corrections_begin_off_the_demonstrated_path(demonstrations, corrected):
+    starts = dict(
+        zip(
+            np.asarray(demonstrations.index).tolist(),
+            np.asarray(demonstrations.path[:, 0]),
+            strict=True,
+        )
+    )
+    moved = [
+        np.abs(path[0] - starts[index]).max()
+        for index, path in zip(corrected.index.tolist(), corrected.path, strict=True)
+    ]
+    assert np.mean(np.array(moved) > 0.02) > 0.7
+
+
+def test_shards_go_on_where_they_stopped(demonstrations, tmp_path, monkeypatch):
+    asked = []
+
+    def answer(policy, some, seed):
+        asked.append(some.index.tolist())
+        return jax.tree.map(np.asarray, some)
+
+    monkeypatch.setattr(corrections, "correct", answer)
+    monkeypatch.setattr(corrections, "SHARD", 4)
+    monkeypatch.setattr(corrections, "batch_size", lambda: 2)
+    shards = Shards(tmp_path / "c", "corrections-x", 4)
+    fill_corrections(shards, Straight(), demonstrations, 4, 0, lambda *_: None)
+    first = list(asked)
+    fill_corrections(shards, Straight(), demonstrations, 8, 0, lambda *_: None)
+    index = demonstrations.index[:8].tolist()
+    assert sum(first, []) == index[:4] and sum(asked, []) == index
+    assert read(tmp_path / "c").index.tolist() == index
