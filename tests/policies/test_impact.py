@@ -3,6 +3,7 @@
 import functools
 import subprocess
 import sys
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -15,11 +16,12 @@ from drpbench.policies.impact import (
     SMALL,
     ImpactSize,
     apply,
+    feeler_points,
     initial,
     normalised,
     positional_encoding,
 )
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER, link_poses
 
 TINY = ImpactSize(
     scene_points=64,
@@ -84,6 +86,8 @@ def test_the_small_network_is_the_same_architecture():
         layers = deep[cloud]["point_mlp"]
         deep[cloud]["point_mlp"] = {i: layers[i] for i in range(len(SMALL.point_mlp))}
     small = jax.eval_shape(lambda: initial(SMALL))
+    for own in ("feeler", "places"):  # what only the small one has
+        del small[own]
     assert jax.tree.structure(small) == jax.tree.structure(deep)
     assert count(SMALL) < 0.1 * count(FULL)
 
@@ -213,3 +217,49 @@ def test_positional_encoding_tells_a_centimetre():
 def test_other_policies_do_not_import_flax():
     program = "import sys, drpbench.policies; assert 'flax' not in sys.modules, 'flax is imported'"
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+FEELING = replace(TINY, feelers=5)
+
+
+@pytest.fixture(scope="module")
+def feeling():
+    parameters = initial(FEELING, seed=1)
+    parameters["out"]["kernel"] = 30.0 * parameters["out"]["kernel"]
+    return jax.jit(functools.partial(apply, FEELING, parameters))
+
+
+def with_points(center, radius=0.05):
+    """A scene far from the arm, and in it some points that only feelers look at, around a place [m]."""
+    _, mask, *rest = inputs()
+    rng = np.random.default_rng(5)
+    points = np.full((2, 2048, 3), [3.0, 3.0, 0.0]) + rng.normal(0.0, 0.1, (2, 2048, 3))
+    stride = 2048 // FEELING.scene_points
+    points[:, 1::stride] = center + rng.uniform(-radius, radius, points[:, 1::stride].shape)
+    return jnp.asarray(points, jnp.float32), jnp.ones_like(mask), *rest
+
+
+@pytest.mark.parametrize("which", [3, 4])
+def test_feelers_feel_what_is_near_the_arm_and_its_goal(feeling, which):
+    seen = with_points([0.0, 0.0, 5.0])
+    poses = link_poses(seen[which][0])
+    hand = feeler_points(FEELING.feelers).world(poses)[-1]
+    near = feeling(*with_points(np.asarray(hand)))[0] - feeling(*seen)[0]
+    assert float(jnp.abs(near).max()) > 1e-3
+
+
+def test_feelers_do_not_feel_what_is_far(feeling):
+    far = feeling(*with_points([0.0, 0.0, 5.0])), feeling(*with_points([0.0, 5.0, 0.0]))
+    np.testing.assert_array_equal(*far)
+
+
+def test_feelers_are_spread_from_the_forearm_to_the_fingers():
+    model = feeler_points(12)
+    places = np.asarray(model.world(link_poses(jnp.asarray(HOME, jnp.float32))))
+    gap = np.linalg.norm(places[:, None] - places, axis=-1) + 10 * np.eye(12)
+    assert model.count == 12 and set(model.frame) >= {3, 5, 7, 8} and gap.min() > 0.05
+
+
+def test_more_feelers_than_places_are_refused():
+    with pytest.raises(ValueError, match="feelers must be 0 to"):
+        replace(TINY, feelers=1000)

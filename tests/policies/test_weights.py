@@ -157,6 +157,12 @@ def test_another_format_is_refused(file):
     assert "not IMPACT's" in refused(file)
 
 
+def test_a_file_from_before_feelers_is_of_a_network_without(file):
+    sizes = {name: value for name, value in asdict(TINY).items() if "feeler" not in name}
+    rewritten(file, size=json.dumps(sizes))
+    assert load(file).size == TINY and TINY.feelers == 0
+
+
 def test_tensors_that_do_not_fit_are_refused(file):
     tensors = load_file(file)
     content = file.read_bytes()
