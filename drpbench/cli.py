@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from drpbench import cli_learning, cli_recording, cli_report, cli_results
+from drpbench import cli_learning, cli_recording, cli_report, cli_results, cli_view
 from drpbench.refused import Refused
 
 TASK_NAMES = ("SE", "SAO", "FDO", "GB", "DGB")
@@ -364,12 +364,14 @@ def referee(
     console.print(listing(figures.summary()))
 
 
+app.command()(cli_learning.correct)
 app.command()(cli_learning.data)
 app.command()(cli_learning.train)
 app.command()(cli_recording.replay)
 app.command()(cli_report.report)
 app.command()(cli_results.submit)
 app.command()(cli_results.verify)
+app.command()(cli_view.view)
 
 
 if __name__ == "__main__":
