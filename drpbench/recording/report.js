@@ -125,8 +125,8 @@ function drawBars(parent) {
         const solid = build(svg, "rect",
           { class: fill(policy), x: 0, y, width: room * k / n, height: bar - 3 });
         build(solid, "title", {}, `${policies[policy].name}: ${k}/${n}`);
-        const middle = y + (bar - 3) / 2;
-        build(svg, "path", { class: "whisker", d: `M${room * low} ${middle}H${room * high}` });
+        const middle = y + (bar - 3) / 2, d = `M${room * low} ${middle}H${room * high}`;
+        for (const kind of ["halo", "whisker"]) build(svg, "path", { class: kind, d });
         build(svg, "text", { class: "faint", x: room + 6, y: y + bar - 4 },
           `${percent(k / n)} (${k}/${n})`);
         y += bar;
@@ -240,6 +240,55 @@ function drawClearances(parent) {
   if (!columns.length) build(parent, "p", { class: "note" }, "No policy is shown.");
 }
 
+// ---- pictures of failures, and recordings that lie beside the results
+
+const { gallery } = figures;
+const kept = new Map(gallery.kept);
+const KIND = { ".mp4": "video", ".webp": "video", ".mcap": "recording" };
+
+function recordings(i) {
+  const name = `${tasks[columns.task[i]]}-${String(columns.id[i]).padStart(5, "0")}`;
+  return (kept.get(i) ?? []).map(kind => gallery.kinds[kind]).map(suffix =>
+    [`${gallery.folders[columns.replay[i]]}/${name}${suffix}`, KIND[suffix]]);
+}
+
+function linkRecordings(parent, i) {
+  for (const [href, text] of recordings(i)) {
+    build(parent, "a", { href }, text);
+    parent.append(" ");
+  }
+}
+
+function drawPictures(parent, found) {
+  const listed = new Set(found);
+  parent.textContent = "";
+  for (const [i, src] of gallery.pictures) {
+    if (!listed.has(i)) continue;
+    const figure = build(parent, "figure");
+    const name = `${policies[columns.policy[i]].name}, ${tasks[columns.task[i]]} ${columns.id[i]}`;
+    const [first] = recordings(i);
+    build(first ? build(figure, "a", { href: first[0] }) : figure, "img",
+      { src, alt: `${name}, ${told(i)}`, width: 240, height: 180 });
+    const caption = build(figure, "figcaption");
+    build(caption, "b", {}, name);
+    build(caption, "span", {}, told(i));
+    if (first) linkRecordings(build(caption, "span"), i);
+    else build(caption, "code", {}, replay(i));
+  }
+  parent.hidden = !parent.children.length;
+}
+
+function listGrids(parent) {
+  const grids = gallery.grids.flatMap((names, file) =>
+    names.map(name => `${gallery.folders[file]}/${name}`));
+  if (!grids.length) return;
+  const line = build(parent, "p", {}, "Videos of many episodes:");
+  for (const href of grids) {
+    line.append(" ");
+    build(line, "a", { href }, decodeURIComponent(href));
+  }
+}
+
 // ---- failures
 
 const { columns, families, links, statuses, replays } = figures.failures;
@@ -295,6 +344,8 @@ function prepareFailures(parent) {
   select(tools, "Reason", "reason", figures.reasons);
   select(tools, "Family", "family", families);
   select(tools, "First link to touch", "link", links);
+  build(parent, "div", { id: "pictures" });
+  listGrids(parent);
   const turn = build(parent, "div", { class: "tools" });
   for (const [id, text, step] of [["earlier", "Earlier", -1], ["later", "Later", 1]]) {
     build(turn, "button", { type: "button", id }, text)
@@ -326,6 +377,7 @@ function listFailures() {
     const values = columns[order.column];
     found.sort((a, b) => order.sign * (values[a] - values[b]) || a - b);
   }
+  drawPictures(at("pictures"), found);
   const first = page * PAGE, lines = found.slice(first, first + PAGE);
   at("range").textContent = found.length
     ? `${count(first + 1)} to ${count(first + lines.length)} of ${count(found.length)}` : "none";
@@ -338,7 +390,9 @@ function listFailures() {
     for (const [, text, column] of FIELDS) {
       const kind = NUMBERS.has(column) ? { class: "number" } : {};
       const cell = build(row, "td", kind, column ? text(i) : undefined);
-      if (!column) build(cell, "code", {}, text(i));
+      if (column) continue;
+      linkRecordings(cell, i);
+      build(cell, "code", {}, text(i));
     }
   }
 }

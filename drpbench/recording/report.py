@@ -14,11 +14,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
+from types import MappingProxyType
 
 from drpbench.evaluation.leaderboard import Cell, Entry, Leaderboard, build
 from drpbench.evaluation.results import Result, ResultsError
 from drpbench.evaluation.tables import ABSENT, ALL, MEASURES, PAIRED, PARTIAL, PRIVILEGED
-from drpbench.recording.report_figures import figures
+
+from .report_figures import figures
+from .report_recordings import Instance, Kept, kept
+
+NONE: Mapping = MappingProxyType({})
 
 
 def write_report(
@@ -26,21 +31,24 @@ def write_report(
     results: Mapping[str, Result],
     expected: Mapping[str, int],
     folder: str | os.PathLike[str] = "",
+    pictures: Mapping[Instance, str] = NONE,
 ) -> None:
-    """Writes the report on results, whole or not at all.
+    """Writes the report on results, whole or not at all. It links to recordings that lie beside them.
 
     Args:
         path: the HTML file; it is replaced.
         results: by file name.
         expected: number of problems of each task, in the order the tasks are shown.
         folder: where the files lie, for the commands that replay an episode.
+        pictures: of failures, as `data:` addresses (`report_pictures.pictures`).
 
     Raises:
         LeaderboardError: the results cannot stand side by side.
         ResultsError: the file cannot be written.
     """
-    page = render(results, expected, folder)
-    path = Path(path)
+    path, folder = Path(path), Path(folder)
+    beside = {name: kept((folder / name).with_suffix(""), path.parent) for name in results}
+    page = render(results, expected, folder, beside, pictures)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -57,12 +65,15 @@ def render(
     results: Mapping[str, Result],
     expected: Mapping[str, int],
     folder: str | os.PathLike[str] = "",
+    recordings: Mapping[str, Kept] = NONE,
+    pictures: Mapping[Instance, str] = NONE,
 ) -> str:
-    """The page's HTML; arguments and errors as those of `write_report`."""
+    """The page's HTML; `recordings` by file name, other arguments and errors as those of `write_report`."""
     board = build(results, expected)
     style, script, template = (_source(f"report.{kind}") for kind in ("css", "js", "html"))
     # Between script tags only `<` has a meaning, and JSON may write it as an escape.
-    data = json.dumps(figures(board, results, Path(folder)), separators=(",", ":"))
+    drawn = figures(board, results, Path(folder), recordings, pictures)
+    data = json.dumps(drawn, separators=(",", ":"))
     parts = {
         "policy": "; ".join(
             (
@@ -184,7 +195,7 @@ def _runs(results: Mapping[str, Result]) -> str:
             str(header.seed),
             f"{header.device}, {header.precision}",
             str(header.batch_size),
-            f"{header.created[:16].replace('T', ' ')} UTC, {header.wall_seconds:.0f} s",
+            f"{header.created[:16].replace('T', ' ')} UTC, {header.wall_seconds:.0f}\N{NO-BREAK SPACE}s",
         ]
         parameters = "; ".join(f"{key} {value}" for key, value in header.policy_parameters.items())
         versions = "; ".join(f"{key} {value}" for key, value in header.versions.items())

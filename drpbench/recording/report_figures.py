@@ -14,6 +14,8 @@ from drpbench.evaluation.leaderboard import Leaderboard
 from drpbench.evaluation.results import Result, Row
 from drpbench.evaluation.statistics import wilson
 
+from .report_recordings import Instance, Kept, gallery
+
 TIMES = np.arange(0, CONTROL_STEPS + 1, 10) * CONTROL_PERIOD  # [s]
 CLEARANCES = np.arange(-6, 21) / 100  # [m] edges of bins; the outermost bins are open
 ERRORS = np.logspace(-4, 0, 81)  # [m]
@@ -26,18 +28,26 @@ ABSENT = -1
 """In the columns of failures, whose values are integers: there is no such value."""
 
 
-def figures(board: Leaderboard, results: Mapping[str, Result], folder: PurePath) -> dict:
+def figures(
+    board: Leaderboard,
+    results: Mapping[str, Result],
+    folder: PurePath,
+    recordings: Mapping[str, Kept],
+    pictures: Mapping[Instance, str],
+) -> dict:
     """Everything that the page draws, as plain values for JSON.
 
     Args:
         board: of these results; it gives the order of policies and tasks.
         results: by file name.
         folder: where the files lie, for the commands that replay an episode.
+        recordings: what lies beside each file, by its name.
+        pictures: of failures, as `data:` addresses.
 
     Returns:
         `policies` (name, privileged), `tasks`, `reasons`, the grids `times` [s], `clearances` [m] and
-        `errors` [m], `cells` (see `cell`, with the indices `policy` and `task`) and `failures` (see
-        `failures`).
+        `errors` [m], `cells` (see `cell`, with the indices `policy` and `task`), `failures` (see
+        `failures`) and `gallery` (see there).
     """
     names = [entry.policy for entry in board.entries]
     cells = []
@@ -50,6 +60,12 @@ def figures(board: Leaderboard, results: Mapping[str, Result], folder: PurePath)
         for task, title in enumerate(board.tasks):
             if (name, title) in rows:
                 cells.append({"policy": policy, "task": task, **cell(rows[name, title])})
+    failed = failures(names, board.tasks, results, folder)
+    files, columns = list(results), failed["columns"]
+    instances = [
+        (files[file], board.tasks[task], id)
+        for file, task, id in zip(columns["replay"], columns["task"], columns["id"], strict=True)
+    ]
     return {
         "policies": [{"name": e.policy, "privileged": e.privileged} for e in board.entries],
         "tasks": list(board.tasks),
@@ -58,7 +74,8 @@ def figures(board: Leaderboard, results: Mapping[str, Result], folder: PurePath)
         "clearances": CLEARANCES.tolist(),
         "errors": [float(f"{x:.5g}") for x in ERRORS.tolist()],
         "cells": cells,
-        "failures": failures(names, board.tasks, results, folder),
+        "failures": failed,
+        "gallery": gallery(files, instances, recordings, pictures),
     }
 
 

@@ -1,11 +1,14 @@
 """The report: its figures against the rows, its HTML without a browser, and its script in one."""
 
+import base64
+import io
 import json
 from html.parser import HTMLParser
 from pathlib import PurePath
 
 import numpy as np
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 from drpbench.cli import app
@@ -14,7 +17,8 @@ from drpbench.evaluation.results import VERSIONED, Header, Result, Row, save
 from drpbench.evaluation.shipped import shipped_results
 from drpbench.evaluation.statistics import wilson
 from drpbench.problems import counts
-from drpbench.recording.report import render
+from drpbench.recording import RecordingError, Replay
+from drpbench.recording.report import render, write_report
 from drpbench.recording.report_figures import (
     CLEARANCES,
     COLLIDED,
@@ -27,11 +31,14 @@ from drpbench.recording.report_figures import (
     figures,
     reason,
 )
+from drpbench.recording.report_pictures import SIZE, pictures, telling
+from drpbench.recording.report_recordings import Kept, kept
 
 from .browser import ABSENT, CHROMIUM, Browser
 
 EXPECTED = {"SE": 4, "FDO": 3}
 HOSTILE = "<script>throw 1</script><!--\"'&{{data}}</title>"
+DOT = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
 VOID = {"meta", "link", "input", "br"}
 
 
@@ -133,7 +140,7 @@ def shipped():
 
 
 def test_the_figures_of_the_shipped_results_are_their_rows_counted_one_by_one(shipped):
-    drawn = figures(build(shipped, counts()), shipped, PurePath("x"))
+    drawn = figures(build(shipped, counts()), shipped, PurePath("x"), {}, {})
     assert sum(c["n"] for c in drawn["cells"]) == sum(
         r.valid for f in shipped.values() for r in f.rows
     )
@@ -165,7 +172,7 @@ def test_the_figures_of_the_shipped_results_are_their_rows_counted_one_by_one(sh
 
 def test_failures_are_listed_with_their_reason_and_the_command_that_shows_them():
     results = some_results()
-    failures = figures(build(results, EXPECTED), results, PurePath("a b"))["failures"]
+    failures = figures(build(results, EXPECTED), results, PurePath("a b"), {}, {})["failures"]
     columns = failures["columns"]
     found = zip(columns["policy"], columns["task"], columns["id"], columns["reason"], strict=True)
     assert list(found) == [
@@ -187,7 +194,7 @@ def test_failures_are_listed_with_their_reason_and_the_command_that_shows_them()
 def test_rows_that_are_not_valid_stand_in_no_figure():
     rows = [row(id=0), row(id=1, valid=False), row(id=2, reached=False, valid=False)]
     results = {"a": result("a", rows)}
-    drawn = figures(build(results, EXPECTED), results, PurePath())
+    drawn = figures(build(results, EXPECTED), results, PurePath(), {}, {})
     assert drawn["cells"][0]["n"] == drawn["cells"][0]["clearances"][8 + 1] == 1
     assert drawn["failures"]["columns"]["id"] == []
 
@@ -236,6 +243,138 @@ def test_the_command_writes_the_report_and_refuses_another_ending(tmp_path):
     assert "must end in .html" in str(wrong.exception)
 
 
+def test_what_lies_beside_a_result_is_found_and_moves_with_the_report(tmp_path):
+    folder = tmp_path / "a b" / "good"
+    folder.mkdir(parents=True)
+    for name in ("FDO-00002.mcap", "FDO-00002.mp4", "SE-00001.webp", "SE-grid-4.mp4"):
+        (folder / name).touch()
+    for name in ("FDO-2.mcap", "FDO-00003.txt", ".FDO-00003.1.tmp.mp4", "notes.mp4"):
+        (folder / name).touch()
+    found = kept(folder, tmp_path)
+    assert found.address == "a%20b/good"
+    assert found.episodes == {("FDO", 2): [0, 2], ("SE", 1): [1]}
+    assert found.grids == ["SE-grid-4.mp4"]
+    assert kept(folder, tmp_path / "a b" / "pages").address == "../good"
+    assert kept(tmp_path / "none", tmp_path) == Kept()
+
+
+def test_the_written_page_links_to_recordings(tmp_path):
+    (tmp_path / "good").mkdir()
+    (tmp_path / "good" / "FDO-00002.mcap").touch()
+    write_report(tmp_path / "report.html", some_results(), EXPECTED, tmp_path)
+    data = json.loads(Page((tmp_path / "report.html").read_text()).scripts[0])
+    places = data["failures"]["columns"]
+    ((place, kinds),) = data["gallery"]["kept"]
+    assert (places["replay"][place], places["id"][place]) == (0, 2)
+    assert [data["gallery"]["kinds"][kind] for kind in kinds] == [".mcap"]
+    assert data["gallery"]["folders"] == ["good", ""]
+
+
+def test_telling_failures_are_of_all_kinds():
+    rows = [row("SE", i, collided=True) for i in range(5)] + [row("SE", 5)]
+    rows += [row("SE", 6, reached=False), row("FDO", 9, reached=False)]
+    rows += [row("FDO", 3, reached=False, valid=False), row("FDO", 4, reached=False, status="nan")]
+    assert [(r.task, r.id) for r in telling(rows[::-1], 5)] == [
+        ("FDO", 9),
+        ("SE", 0),
+        ("SE", 6),
+        ("SE", 1),
+        ("SE", 2),
+    ]
+    assert telling(rows, 0) == [] and len(telling(rows, 99)) == 7
+
+
+@pytest.fixture
+def failed(stored):
+    """A stored result of which no row is a success; its rows by id."""
+    found, path = stored
+    rows = [r.model_copy(update={"success": False}) for r in found.rows]
+    assert any(r.collided for r in rows)
+    return found.model_copy(update={"rows": rows}), path
+
+
+def test_pictures_are_small_and_show_the_contact(failed):
+    found, path = failed
+    drawn = pictures({"run.json": found}, path.parent, 9, False, pytest.fail)
+    assert {id for _, _, id in drawn} == {r.id for r in found.rows}
+    for row in found.rows:
+        kind, _, text = drawn["run.json", "FDO", row.id].partition(",")
+        assert kind == "data:image/webp;base64" and len(text) < 12_000
+        picture = Image.open(io.BytesIO(base64.b64decode(text)))
+        assert picture.size == SIZE
+        red, green, blue = np.asarray(picture.convert("RGB"), int).reshape(-1, 3).T
+        painted = ((red - green > 100) & (red - blue > 100) & (green < 90)).sum()
+        assert (painted > 10) == row.collided, painted
+        assert len(set(zip(red, green, blue, strict=True))) > 500
+
+
+def test_of_each_policy_so_many_and_only_what_was_saved(failed, tmp_path):
+    found, path = failed
+    path.with_name("later.npz").write_bytes(path.with_suffix(".npz").read_bytes())
+    other = found.model_copy(
+        update={"header": found.header.model_copy(update={"policy": "straight"})}
+    )
+    results = {"run.json": found, "later.json": other, "unsaved.json": other}
+    drawn = pictures(results, path.parent, 2, False, pytest.fail)
+    assert [name for name, _, _ in drawn] == ["run.json"] * 2 + ["later.json"] * 2
+
+
+def test_what_came_out_differently_has_no_picture(failed, rolled, tmp_path, monkeypatch):
+    found, _ = failed
+    asked = []
+
+    class Again:
+        def __init__(self, result, path):
+            asked.append(path)
+
+        def replay(self, rows):
+            places = [rolled.ids.index(row.id) for row in rows]
+            remarks = ["FDO 3 came out differently", None, None]
+            return [Replay(rolled.rows[i], rolled.episodes[i], remarks[i]) for i in places]
+
+    monkeypatch.setattr("drpbench.recording.report_pictures.Replayer", Again)
+    told = []
+    drawn = pictures({"run.json": found}, tmp_path, 9, True, told.append)
+    assert asked == [tmp_path / "run.json"] and told == ["FDO 3 came out differently"]
+    assert sorted(id for _, _, id in drawn) == rolled.ids[1:]
+
+
+def test_trajectories_of_another_run_are_named_and_not_drawn(failed):
+    found, path = failed
+    moved = [r.model_copy(update={"position_error": 2.0}) for r in found.rows]
+    whole = path.with_suffix(".npz").read_bytes()
+    path.with_name("cut.npz").write_bytes(whole[:500])
+    results = {"run.json": found.model_copy(update={"rows": moved}), "cut.json": found}
+    told = []
+    assert pictures(results, path.parent, 1, False, told.append) == {}
+    assert len(told) == 2
+    assert "no pictures of cut.json" in told[0] and "not a readable trajectory" in told[0]
+    assert "does not belong to this result" in told[1]
+
+
+def test_the_command_draws_what_was_saved_and_says_why_it_cannot(stored, tmp_path, monkeypatch):
+    found, path = stored
+    save(found, path)
+    page, failures = path.with_name("report.html"), sum(not r.success for r in found.rows)
+
+    def report(*options):
+        return CliRunner().invoke(app, ["report", str(path.parent), "--out", str(page), *options])
+
+    def drawn():
+        return page.read_text().count("data:image/webp")
+
+    monkeypatch.setenv("DRPBENCH_CACHE", "off")
+    assert report().exit_code == 0 and drawn() == failures > 0
+    assert report("--thumbnails", "0").exit_code == 0 and drawn() == 0
+    assert "must not be negative" in str(report("--thumbnails", "-1").exception)
+
+    monkeypatch.setenv("MUJOCO_GL", "glfw")
+    told = report()
+    assert told.exit_code == 0 and drawn() == 0
+    assert "a report without pictures: MUJOCO_GL=glfw" in told.output
+    assert isinstance(report("--thumbnails", "1").exception, RecordingError)
+
+
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
     if CHROMIUM is None:
@@ -244,12 +383,13 @@ def browser(tmp_path_factory):
         yield browser
 
 
-def opened(browser, path, results, expected):
-    path.write_text(render(results, expected, "results"), encoding="utf-8")
+def opened(browser, path, results, expected, **shown):
+    path.write_text(render(results, expected, "results", **shown), encoding="utf-8")
     browser.errors.clear()
     browser.requests.clear()
     browser.open(path)
-    assert browser.requests == [path.resolve().as_uri()]
+    asked = [address for address in browser.requests if not address.startswith("data:")]
+    assert asked == [path.resolve().as_uri()]
 
 
 LINES = (
@@ -304,6 +444,46 @@ def test_a_browser_draws_sorts_and_filters_without_complaint(browser, tmp_path):
     js("document.querySelector('#policies input').click()")
     assert js(RANKED) == [] and "No policy" in js("document.getElementById('times').textContent")
     assert js("document.scripts.length") == 2
+    assert browser.errors == []
+
+
+def test_pictures_of_failures_open_the_recordings_beside_the_results(browser, tmp_path):
+    episodes = {("FDO", 2): (0, 2), ("FDO", 1): (2,)}
+    beside = {"good.json": Kept("runs/my%20good", episodes, ["FDO-grid-4.mp4"])}
+    drawn = {("good.json", "FDO", 2): DOT, ("it's.json", "SE", 3): DOT}
+    page = tmp_path / "report.html"
+    opened(browser, page, some_results(), EXPECTED, recordings=beside, pictures=drawn)
+    js = browser.js
+    figures = (
+        "[...document.querySelectorAll('#pictures figure')].map(f => [f.querySelector('img').alt,"
+        " [...f.querySelectorAll('a')].map(a => a.getAttribute('href')), f.querySelector('code')?.textContent])"
+    )
+    video, recording = "runs/my%20good/FDO-00002.mp4", "runs/my%20good/FDO-00002.mcap"
+    assert js(figures) == [
+        ["good, FDO 2, collided: hand at step 30", [video, video, recording], None],
+        [
+            f"{HOSTILE}, SE 3, not reached",
+            [],
+            "drpbench replay 'results/it'\"'\"'s.json' --id 3 --task SE",
+        ],
+    ]
+    assert js("[...document.images].every(i => i.complete && i.naturalWidth === 1)")
+    assert js(
+        "[...document.querySelectorAll('#failed a')].map(a => [a.getAttribute('href'), a.textContent])"
+    ) == [[video, "video"], [recording, "recording"]]
+    grids = "[...document.querySelectorAll('#failures > p a')].map(a => [a.href, a.textContent])"
+    there = (tmp_path / "runs" / "my good" / "FDO-grid-4.mp4").as_uri()
+    assert js(grids) == [[there, "runs/my good/FDO-grid-4.mp4"]]
+    choose = "{const c = document.getElementById('task'); c.value = 0; c.dispatchEvent(new Event('change'))}"
+    js(choose)
+    assert [figure[2] is None for figure in js(figures)] == [False]
+    assert browser.errors == []
+
+
+def test_a_page_without_pictures_shows_no_gallery(browser, tmp_path):
+    opened(browser, tmp_path / "report.html", some_results(), EXPECTED)
+    assert browser.js("document.getElementById('pictures').clientHeight") == 0
+    assert browser.js("document.querySelectorAll('#failures a, #failures img').length") == 0
     assert browser.errors == []
 
 
