@@ -2,12 +2,13 @@
 
 import contextlib
 import errno
-import io
 import queue
 import socket
+import threading
 import time
 from typing import Any
 
+import rich
 import viser
 
 from drpbench.envs import CONTROL_PERIOD, CONTROL_STEPS
@@ -52,8 +53,10 @@ class Page:
     def close(self) -> None:
         """Ends `run`, and lets go of the address and of all browsers."""
         self._closed = True
-        with contextlib.redirect_stdout(io.StringIO()):  # viser says goodbye
-            self._server.stop()
+        # It says goodbye to every browser and waits for each to answer; nobody need wait for that.
+        stopping = threading.Thread(target=self._server.stop, daemon=True)
+        stopping.start()
+        stopping.join(1.0)
 
     # -- wishes: called from other threads --
 
@@ -208,8 +211,8 @@ def _server(host: str, port: int) -> viser.ViserServer:
                 f"--host {host} --port {port}: cannot be had ({error.strerror or error}); "
                 f"--host 127.0.0.1 with a port above 1023 usually can"
             ) from None
-    with contextlib.redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host=host, port=port, verbose=False)
+    rich.get_console().quiet = True  # viser's; the command line has one of its own
+    server = viser.ViserServer(host=host, port=port, verbose=False)
     # viser could lend its page to the world through a server of its makers. Not this one.
     server.request_share_url = lambda verbose=True: None
     return server

@@ -24,15 +24,27 @@ PATIENCE = 60.0  # [s] for software rendering on a busy machine
 ASIDES = ("software WebGL", "GL Driver Message", "THREE.Clock")
 
 
-@pytest.fixture
-def page(simulation):
-    served = Page(simulation, "straight+dcp-rmp", "127.0.0.1", 8080)
-    thread = threading.Thread(target=served.run)
+@pytest.fixture(scope="module")
+def served(compiled):
+    page = Page(compiled, "straight+dcp-rmp", "127.0.0.1", 8080)
+    thread = threading.Thread(target=page.run)
     thread.start()
-    yield served
-    served.close()
+    yield page
+    page.close()
     thread.join(10)
     assert not thread.is_alive()
+
+
+@pytest.fixture
+def page(served, compiled):
+    """One page for all tests, which begin with the start of the furnished problem, paused."""
+    if served._playing:
+        served._ask("play")
+    served._ask("open", FURNISHED)
+    served._ask("time", "Reset")
+    until(lambda: served._wishes.empty(), "a page at rest")
+    until(lambda: (compiled.id, compiled.clock) == (FURNISHED, 0), "the start")
+    return served
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +66,9 @@ def opened(browser, page):
     browser.errors.clear()
     browser.requests.clear()
     browser("Page.navigate", url=page.address)
-    until(lambda: browser.js("document.body.innerText.includes('clearance')"), "the readings")
+    until(
+        lambda: browser.js("(document.body?.innerText ?? '').includes('clearance')"), "the readings"
+    )
 
 
 def press(browser, label):
@@ -104,43 +118,43 @@ def test_the_page_loads_whole_from_its_own_server(browser, page, tmp_path):
     assert complaints(browser) == []
 
 
-def test_play_moves_the_arm_and_reset_brings_it_back(browser, page, simulation):
+def test_play_moves_the_arm_and_reset_brings_it_back(browser, page, compiled):
     opened(browser, page)
-    start = simulation.look().arm[0]
+    start = compiled.look().arm[0]
     press(browser, "Play")
-    until(lambda: simulation.clock > 60, "a second")
-    assert np.abs(simulation.look().arm[0] - start).max() > 0.05
+    until(lambda: compiled.clock > 60, "a second")
+    assert np.abs(compiled.look().arm[0] - start).max() > 0.05
     press(browser, "Pause")
     says(browser, "Play")
-    clock = simulation.clock
+    clock = compiled.clock
     press(browser, "10 steps")
-    until(lambda: simulation.clock == clock + 10, "ten steps")
+    until(lambda: compiled.clock == clock + 10, "ten steps")
     press(browser, "Reset")
-    until(lambda: simulation.clock == 0, "the start")
-    assert np.array_equal(simulation.look().arm[0], start)
+    until(lambda: compiled.clock == 0, "the start")
+    assert np.array_equal(compiled.look().arm[0], start)
     says(browser, "0.00 s of 16.7 s")
     assert complaints(browser) == []
 
 
-def test_another_problem_and_another_box(browser, page, simulation):
+def test_another_problem_and_another_box(browser, page, compiled):
     opened(browser, page)
     press(browser, "Next")
     says(browser, f"FDO {FURNISHED + 1} with")
     press(browser, "Add a box")
     says(browser, "Changed by hand")
-    assert simulation.furniture.present[simulation.furniture.added[0]]
+    assert compiled.furniture.present[compiled.furniture.added[0]]
     press(browser, "Remove")
-    until(lambda: not simulation.furniture.present[simulation.furniture.added[0]], "its removal")
+    until(lambda: not compiled.furniture.present[compiled.furniture.added[0]], "its removal")
 
 
-def test_a_box_is_dragged_with_the_mouse(browser, page, simulation):
+def test_a_box_is_dragged_with_the_mouse(browser, page, compiled):
     browser.screen(1280, 800)
-    simulation_boxes = simulation.look().box_position.copy()
+    boxes = compiled.look().box_position.copy()
     opened(browser, page)
     page._ask("boxes", False)
     says(browser, "Changed by hand")
-    piece = simulation.furniture.added[0]
-    place = simulation.furniture.position[piece].copy()
+    piece = compiled.furniture.added[0]
+    place = compiled.furniture.position[piece].copy()
     at = on_screen(page, place, 1280, 800)
 
     def mouse(kind, x, y, **more):
@@ -154,14 +168,14 @@ def test_a_box_is_dragged_with_the_mouse(browser, page, simulation):
         mouse("mouseMoved", at[0] - 8 * step, at[1], **held)
         time.sleep(0.1)
     mouse("mouseReleased", at[0] - 80, at[1], button="left")
-    moved = lambda: np.linalg.norm(simulation.furniture.position[piece] - place)  # noqa: E731
+    moved = lambda: np.linalg.norm(compiled.furniture.position[piece] - place)  # noqa: E731
     until(lambda: moved() > 0.05, "the box elsewhere")
-    assert np.array_equal(simulation.look().box_position, simulation_boxes)
+    assert np.array_equal(compiled.look().box_position, boxes)
 
 
-def test_a_goal_that_cannot_be_reached_is_told_of(browser, page, simulation):
+def test_a_goal_that_cannot_be_reached_is_told_of(browser, page, compiled):
     opened(browser, page)
-    moment = simulation.look()
+    moment = compiled.look()
     page._ask("goal", np.array([3.0, 0.0, 0.0]), moment.goal_quaternion, True)
     says(browser, NO_SOLUTION)
     np.testing.assert_allclose(page._drawing.handle.position, moment.goal_position)
@@ -176,12 +190,12 @@ def test_a_phone_sees_the_arm_and_the_buttons(browser, page, tmp_path):
     assert complaints(browser) == []
 
 
-def test_a_port_that_is_taken_gives_way_to_the_next(simulation):
+def test_a_port_that_is_taken_gives_way_to_the_next(compiled):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        page = Page(simulation, "x", "127.0.0.1", port)
+        page = Page(compiled, "x", "127.0.0.1", port)
         try:
             assert page.port > port and str(page.port) in page.address
             with urllib.request.urlopen(page.address, timeout=10) as answer:
@@ -190,9 +204,9 @@ def test_a_port_that_is_taken_gives_way_to_the_next(simulation):
             page.close()
 
 
-def test_an_address_that_is_not_this_machines_is_refused(simulation):
+def test_an_address_that_is_not_this_machines_is_refused(compiled):
     with pytest.raises(Refused, match=r"--host 192\.0\.2\.1 --port 8080"):
-        Page(simulation, "x", "192.0.2.1", 8080)
+        Page(compiled, "x", "192.0.2.1", 8080)
 
 
 def test_nothing_is_lent_to_the_world(page):
