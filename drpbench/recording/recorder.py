@@ -85,7 +85,6 @@ class Recorder:
     def _complete(self, result: Result, path: Path) -> None:
         """Writes what is missing of the rows of a finished run, and removes what a crash left half written."""
         begun = datetime.datetime.fromisoformat(result.header.created).timestamp()
-        replayer = Replayer(result, path)
         for task in result.header.tasks:
             rows = [row for row in result.rows if row.task == task and self._takes(task, row.id)]
             files = [self._path(episode_name(row.task, row.id)) for row in rows]
@@ -94,8 +93,9 @@ class Recorder:
                 for row, file in zip(rows, files, strict=True)
                 if not file.is_file() or file.stat().st_mtime < begun
             ]
-            for replay in replayer.replay(missing) if missing else ():
-                self.write(result.header, replay.episode)
+            if missing:
+                for replay in Replayer(result, path).replay(missing):
+                    self.write(result.header, replay.episode)
         for half in self.folder.glob(TEMPORARY):
             half.unlink(missing_ok=True)
 

@@ -9,13 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from drpbench.envs import TASKS
 from drpbench.evaluation import LANES, Header, Result, Row
 from drpbench.evaluation.rerun import rerun
 from drpbench.evaluation.rollout import Trace
 from drpbench.evaluation.run import device_name, versions
+from drpbench.evaluation.submission import check
 from drpbench.evaluation.trajectories import load_trajectories
-from drpbench.problems import ProblemSet
 from drpbench.problems import load as load_problems
 
 from .episode import Episode, RecordingError, episode, traced
@@ -39,7 +38,8 @@ class Replayer:
 
     Beside it `path` with suffix .npz is looked for, as `drpbench run --save-trajectories` writes it. What
     is not in there is run again with the same policy, parameters, seed and batch size. `advanced` is told of
-    control steps done. Raises RecordingError where the result's problems are not those of this drpbench.
+    control steps done. Raises ResultsError where the result is wrong (see `submission.check`), or was made on
+    other problems than those of this drpbench.
     """
 
     def __init__(
@@ -50,17 +50,8 @@ class Replayer:
     ):
         self.result, self.path, self.advanced = result, path, advanced
         self.recorded = path.with_suffix(".npz")
-        self.problems: dict[str, ProblemSet] = {}
-        for task in result.header.tasks:
-            if task not in TASKS:
-                raise RecordingError(f"{path}: there is no task {task} here; there are: {_tasks()}")
-            self.problems[task] = load_problems(task)
-            if self.problems[task].sha256 != result.header.problem_set_sha256:
-                raise RecordingError(
-                    f"{path}: made on {result.header.problem_set} with checksum "
-                    f"{result.header.problem_set_sha256[:12]}..., the problems here have "
-                    f"{self.problems[task].sha256[:12]}...; run it again"
-                )
+        check(str(path), result)
+        self.problems = {task: load_problems(task) for task in result.header.tasks}
 
     @cached_property
     def _trajectories(self) -> Mapping[str, Mapping[str, np.ndarray]]:
@@ -198,10 +189,6 @@ def _listed(ids: Sequence[int]) -> str:
     if len(ids) > 8:
         return f"{len(ids)} problems from {min(ids)} to {max(ids)}"
     return ", ".join(map(str, ids))
-
-
-def _tasks() -> str:
-    return ", ".join(TASKS)
 
 
 def _key(row: Row) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from drpbench.envs import CONTROL_PERIOD
 from drpbench.geometry import BOX, CYLINDER, SPHERE
 from drpbench.robot import LINKS, PANDA_XML, find_mesh_model
+from drpbench.robot.panda import FINGER_OPENING
 
 from .episode import Episode
 from .figure import GREY, WHITE, arm_figure
@@ -88,6 +89,7 @@ class Stage:
 
     def _show_arm(self, joints: np.ndarray) -> None:
         self._data.qpos[:7] = joints
+        self._data.qpos[7:] = FINGER_OPENING  # those of the mesh model can move
         mujoco.mj_kinematics(self.model, self._data)
         mujoco.mj_camlight(self.model, self._data)
         mujoco.mjv_updateScene(

@@ -36,7 +36,7 @@ def test_what_the_result_does_not_have_is_refused(stored, task, id, said):
 def test_another_runs_trajectories_are_refused(stored):
     result, path = stored
     rows = [
-        row.model_copy(update={"position_error": row.position_error + 0.1}) for row in result.rows
+        row.model_copy(update={"position_error": row.position_error + 0.002}) for row in result.rows
     ]
     wrong = Result.model_construct(header=result.header, rows=rows)
     with pytest.raises(RecordingError, match="does not belong to this result: FDO 17 ends"):
@@ -55,8 +55,16 @@ def test_another_verdict_is_refused(stored):
 def test_other_problems_are_refused(stored):
     result, path = stored
     header = result.header.model_copy(update={"problem_set_sha256": "0" * 64})
-    with pytest.raises(RecordingError, match="run it again"):
+    with pytest.raises(ResultsError, match="made on other problems"):
         Replayer(result.model_copy(update={"header": header}), path)
+
+
+def test_a_row_of_a_problem_that_there_is_not_is_refused(stored):
+    result, path = stored
+    header = result.header.model_copy(update={"problems": {"FDO": None}})
+    rows = [row.model_copy(update={"id": 9999}) for row in result.rows[:1]]
+    with pytest.raises(ResultsError, match="FDO 9999: there is no such problem"):
+        Replayer(Result.model_construct(header=header, rows=rows), path)
 
 
 def test_a_truncated_npz_is_refused(stored):

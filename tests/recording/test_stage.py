@@ -8,7 +8,7 @@ import pytest
 from drpbench.recording import RecordingError, offscreen
 from drpbench.recording.motion import motion
 from drpbench.recording.stage import Stage
-from drpbench.robot import find_mesh_model
+from drpbench.robot import NO_MESHES, find_mesh_model
 
 try:
     offscreen.choose_platform()
@@ -116,3 +116,13 @@ def test_osmesa_is_taken_where_egl_fails(monkeypatch):
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     monkeypatch.setattr(offscreen, "_WORKS", {"egl": lambda: False, "osmesa": lambda: True})
     assert offscreen.choose_platform() == "osmesa"
+
+
+@pytest.mark.skipif(find_mesh_model() is None, reason=NO_MESHES)
+def test_fingers_that_can_move_are_drawn_open(rolled):
+    """As the spheres have them: each 4 cm from the middle."""
+    made, episode = Stage(64, 48, find_mesh_model()), rolled.episodes[0]
+    made.draw(episode, motion(episode), 0)
+    made.close()
+    left, right = (made._data.body(f"{side}_finger").xpos for side in ("left", "right"))
+    assert np.linalg.norm(left - right) == pytest.approx(0.08, abs=1e-6)

@@ -1,5 +1,7 @@
 """Where the real meshes are looked for."""
 
+import sys
+
 from drpbench.robot import find_mesh_model
 
 
@@ -17,11 +19,16 @@ def test_meshes_are_looked_for_where_the_environment_says(tmp_path, monkeypatch)
     assert find_mesh_model() == tmp_path / "panda_collision.xml"
 
 
-def test_meshes_are_found_in_a_menagerie_cache(tmp_path, monkeypatch):
-    for name in ("MENAGERIE_ROOT", "DRPBENCH_MESHES"):
+def test_meshes_are_found_where_the_menagerie_package_keeps_them(tmp_path, monkeypatch):
+    for name in ("MENAGERIE_ROOT", "DRPBENCH_MESHES", "MENAGERIE_CACHE_DIR"):
         monkeypatch.delenv(name, raising=False)
-    folder = tmp_path / "some-version" / "franka_emika_panda"
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = tmp_path / "mujoco_menagerie" / "models" / "franka_emika_panda-3d2262eeb81ecec1"
     folder.mkdir(parents=True)
+    assert find_mesh_model() is None
     (folder / "panda.xml").write_text("<mujoco/>")
-    monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path))
+    assert find_mesh_model() == folder / "panda.xml"
+    monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path / "mujoco_menagerie"))
+    monkeypatch.delenv("XDG_CACHE_HOME")
     assert find_mesh_model() == folder / "panda.xml"
