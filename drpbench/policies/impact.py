@@ -26,41 +26,21 @@ from flax import nnx
 from jaxtyping import Array, Bool, Float
 
 from drpbench.robot import (
-    HOME,
     JOINT_LOWER,
     JOINT_UPPER,
     BodyPoints,
     link_poses,
-    moving_spheres,
     surface_points,
 )
 
 from .chunks import CHUNK, FLOOR, RAMP
+from .feelers import MOST_FEELERS, feeler_points
 from .layers import attention, dot_general, greatest
 from .set_abstraction import farthest_points, gather, in_pieces, neighbourhoods
 
 SCENE_POINTS, ROBOT_POINTS = 2048, 256  # of an observation
 Parameters = dict[str, Any]
 """A nested dict of float32 arrays."""
-
-
-def _felt() -> BodyPoints:
-    """The collision spheres that may have feelers: those of the upper forearm to the fingers."""
-    model = moving_spheres()
-    return model.part(model.frame >= 3)
-
-
-@functools.cache
-def feeler_points(count: int) -> BodyPoints:
-    """`count` of the arm's sphere centres, spread over it: each the farthest from those before it, at home."""
-    model = _felt()
-    with jax.ensure_compile_time_eval():
-        places = np.asarray(model.world(link_poses(jnp.asarray(HOME, jnp.float32))))
-    chosen = [model.count - 1]
-    while len(chosen) < count:
-        gap = np.linalg.norm(places[:, None] - places[chosen], axis=-1).min(axis=1)
-        chosen.append(int(np.argmax(gap)))
-    return model.part(np.sort(chosen))
 
 
 @dataclass(frozen=True)
@@ -102,8 +82,8 @@ class ImpactSize:
                 and min(value if isinstance(value, tuple) else (value,)) <= 0
             ):
                 raise ValueError(f"{field.name} must be positive, not {value}")
-        if not 0 <= self.feelers <= _felt().count:
-            raise ValueError(f"feelers must be 0 to {_felt().count}, not {self.feelers}")
+        if not 0 <= self.feelers <= MOST_FEELERS:
+            raise ValueError(f"feelers must be 0 to {MOST_FEELERS}, not {self.feelers}")
         for used, all_of_them in (("scene_points", SCENE_POINTS), ("robot_points", ROBOT_POINTS)):
             if all_of_them % getattr(self, used):
                 raise ValueError(f"{used} must divide {all_of_them}, not be {getattr(self, used)}")

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from drpbench.policies.chunks import CHUNK
+from drpbench.policies.feelers import feeler_points
 from drpbench.policies.impact import (
     FULL,
     SMALL,
     ImpactSize,
     apply,
-    feeler_points,
     initial,
     normalised,
     positional_encoding,
