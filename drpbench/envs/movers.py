@@ -40,7 +40,7 @@ def no_movers(count: int) -> Movers:
     """`count` boxes that do not exist (yet)."""
     zeros = jnp.zeros((count, 3))
     return Movers(
-        half_size=jnp.full((count, 3), 0.05),
+        half_size=jnp.full((count, 3), 0.05, jnp.float32),
         rotation=jnp.broadcast_to(jnp.eye(3), (count, 3, 3)),
         position=zeros,
         velocity=zeros,

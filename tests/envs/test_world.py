@@ -280,3 +280,17 @@ def test_only_a_privileged_policy_sees_the_obstacles(start):
     np.testing.assert_array_equal(found.position[:, :2], problems.obstacles.position)
     np.testing.assert_array_equal(found.position[:, 2:], start.movers.position)
     np.testing.assert_array_equal(found.mask[:, 2:], start.movers.active)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_a_state_keeps_its_types_so_that_a_step_compiles_once(task):
+    world = World(TASKS[task])
+
+    def two(problem, key):
+        state = world.reset(problem, key)
+        later, _ = world.step(state, problem.start, jnp.int32(0))
+        return jax.tree.leaves(state), jax.tree.leaves(later)
+
+    for pair in zip(*jax.eval_shape(two, problem(), jax.random.key(0)), strict=True):
+        before, after = ((leaf.shape, leaf.dtype, leaf.weak_type) for leaf in pair)
+        assert before == after
