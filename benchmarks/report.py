@@ -1,9 +1,10 @@
-"""What a report costs: time to read and check result files, time to write the page, and its size. Markdown.
+"""What a report costs: time to read and check result files, time to write the page, and its size; time and size
+of a picture of a failure. Markdown.
 
-    python benchmarks/report.py [--rows 50000]
+    python benchmarks/report.py [--rows 50000] [--pictures 12]
 
 The rows are synthetic: policies on the whole benchmark, each row with verdicts and errors drawn at random, in
-files as a run writes them.
+files as a run writes them. The pictures are of failures of `straight` in FDO, from saved trajectories.
 """
 
 import argparse
@@ -13,10 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
+from drpbench.evaluation import Request, run
 from drpbench.evaluation.leaderboard import load_dir
 from drpbench.evaluation.results import VERSIONED, Header, Result, Row, save
 from drpbench.problems import counts, load
 from drpbench.recording.report import write_report
+from drpbench.recording.report_pictures import pictures
 from drpbench.robot import LINKS
 
 PERIOD = 1 / 60  # [s]
@@ -74,10 +77,8 @@ def result(rng: np.random.Generator, policy: str, instances: list[tuple[str, int
     return Result(header=header, rows=[row(rng, *instance) for instance in instances])
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rows", type=int, default=50_000)
-    wanted = parser.parse_args().rows
+def report(wanted: int) -> None:
+    """Times a report on so many rows."""
     rng = np.random.default_rng(0)
     sizes = counts()
     families = {task: load(task).family for task in sizes}
@@ -98,6 +99,44 @@ def main() -> None:
             f"| {wanted:,} | {len(results)} | {read - start:.1f} s | {wrote - read:.1f} s |"
             f" {wrote - start:.1f} s | {page.stat().st_size / 1e6:.2f} MB |"
         )
+
+
+class Silent:
+    """A run's progress, not shown."""
+
+    def begin(self, task: str, steps: int, done: int) -> None: ...
+
+    def advance(self, steps: int) -> None: ...
+
+    def rows(self, rows: list[Row]) -> None: ...
+
+
+def draw(count: int) -> None:
+    """Times so many pictures, the first time and once more."""
+    with tempfile.TemporaryDirectory() as name:
+        out = Path(name) / "straight.json"
+        ids = list(range(min(2 * count, counts()["FDO"])))  # four in five are failures
+        request = Request("straight", {"FDO": ids}, out, save_trajectories=True)
+        results = {out.name: run(request, Silent())}
+        print("\n| pictures | in all | each, the second time | size of each, in the page |")
+        print("|---:|---:|---:|---:|")
+        times = []
+        for _ in range(2):
+            start = time.perf_counter()
+            drawn = pictures(results, out.parent, count, False, print)
+            times.append(time.perf_counter() - start)
+        size = np.mean([len(picture) for picture in drawn.values()])
+        each = 1e3 * times[1] / len(drawn)
+        print(f"| {len(drawn)} | {times[0]:.1f} s | {each:.0f} ms | {size / 1e3:.1f} kB |")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rows", type=int, default=50_000)
+    parser.add_argument("--pictures", type=int, default=12)
+    arguments = parser.parse_args()
+    report(arguments.rows)
+    draw(arguments.pictures)
 
 
 if __name__ == "__main__":
