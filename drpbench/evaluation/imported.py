@@ -44,7 +44,7 @@ def find(path: str) -> Callable[..., Any]:
         return found
     if found is not None and name:
         raise PolicyError(
-            f"{path}: {name} is a {type(found).__name__}; a class, or a function that makes a policy,"
+            f"{path}: {name} is of type {type(found).__name__}; a class, or a function that makes a policy,"
             " is meant"
         )
     offered = [
@@ -77,8 +77,10 @@ def _module(path: str, name: str) -> ModuleType:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name and (name == error.name or name.startswith(f"{error.name}.")):
+            hint = "; without .py, it is a module's name" if name.endswith(".py") else ""
             raise PolicyError(
                 f"{path}: there is no module {error.name!r}, neither here ({Path.cwd()}) nor installed"
+                f"{hint}"
             ) from None
         raise PolicyError(f"{path}: importing it failed: {told(error)}") from None
     except (Exception, SystemExit) as error:

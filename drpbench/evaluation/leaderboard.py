@@ -95,7 +95,8 @@ def load_dir(folder: str | os.PathLike[str]) -> dict[str, Result]:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise LeaderboardError(f"{folder}: no such folder")
+        told = "is no folder; one of result files is meant" if folder.exists() else "no such folder"
+        raise LeaderboardError(f"{folder}: {told}")
     files = sorted(folder.glob("*.json"))
     if not files:
         raise LeaderboardError(f"{folder}: holds no result file (*.json)")

@@ -90,7 +90,9 @@ def choose(name: str, arguments: Sequence[str] = (), time_limit: float = TIME_LI
         return _theirs(base, offered(installed()[base]), arguments, wrappers, time_limit)
     else:
         known = ", ".join([*POLICIES, *installed()])
-        raise UnknownPolicy(f"no policy {base!r}; there are: {known}{_over()}")
+        raise UnknownPolicy(
+            f"no policy {base!r}; there are: {known}, and yours as module:Class{_over()}"
+        )
     chosen = read(base, factory, arguments, fixed)
     policy = _wrapped(factory(**fixed, **chosen), wrappers)
     return Choice(policy, parameters(policy))

@@ -166,3 +166,8 @@ def test_an_empty_or_missing_folder_says_so(tmp_path):
         load_dir(tmp_path)
     with pytest.raises(LeaderboardError, match="no such folder"):
         load_dir(tmp_path / "none")
+    (tmp_path / "a.json").touch()
+    with pytest.raises(
+        LeaderboardError, match="a.json: is no folder; one of result files is meant"
+    ):
+        load_dir(tmp_path / "a.json")
