@@ -26,7 +26,7 @@ from drpbench.recording import Recorder, motion, traced
 from drpbench.recording.video import GRID_SIZE, SIZE
 from drpbench.robot import find_mesh_model
 
-RUNS = [("SE", "rmp"), ("FDO", "rmp"), ("FDO", "straight+dcp-rmp")]
+RUNS = [("SE", "rmp"), ("FDO", "rmp"), ("FDO", "straight+dcp-rmp"), ("FDO", "drp")]
 
 
 @dataclass(frozen=True)
