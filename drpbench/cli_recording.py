@@ -48,8 +48,21 @@ def recorder(
     return Recorder(out.with_suffix(""), only, out)
 
 
+def _say_what_it_is(path: Path) -> None:
+    from drpbench.recording.recorded import read_recording
+
+    found = read_recording(path)
+    of = found.about
+    typer.echo(
+        f"{path}: whole; {of['task']} {of['id']} ({of['family']}) with {of['policy']}, seed {of['seed']}, "
+        f"{of['problem_set']}; {found.seconds:.1f} s, {found.messages} messages"
+    )
+
+
 def replay(
-    result: Annotated[Path, typer.Argument(help="Result file of a run.")],
+    result: Annotated[
+        Path, typer.Argument(help="Result file of a run; or an MCAP file, to check it.")
+    ],
     id: Annotated[int | None, typer.Option(help="Which instance.")] = None,
     task: Annotated[
         str | None, typer.Option(help="Of which task, where the result has several.")
@@ -67,6 +80,9 @@ def replay(
     Taken from the run's trajectories where there are any; else the episode is run again. Files that are
     there are replaced.
     """
+    if result.suffix == ".mcap":
+        _say_what_it_is(result)
+        return
     if (id is None) == (grid is None):
         raise Refused("say which episode with --id 17, or how many for one video with --grid 16")
     from drpbench.compile import use_cache

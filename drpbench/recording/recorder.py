@@ -14,6 +14,7 @@ from drpbench.problems import load
 from .episode import Episode, episode_name, traced
 from .mcap_file import TEMPORARY, write_mcap
 from .reaction import dcp_rmp_of
+from .recorded import is_whole
 from .replay import Replayer
 
 
@@ -91,7 +92,7 @@ class Recorder:
             missing = [
                 row
                 for row, file in zip(rows, files, strict=True)
-                if not file.is_file() or file.stat().st_mtime < begun
+                if not is_whole(file) or file.stat().st_mtime < begun
             ]
             if missing:
                 for replay in Replayer(result, path).replay(missing):

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import quote
 
+from .recorded import is_whole
+
 KINDS = (".mp4", ".webp", ".mcap")
 """What `drpbench replay` and `drpbench run --record` write, first what a browser can show."""
 
@@ -36,6 +38,8 @@ def kept(folder: Path, page: Path) -> Kept:
     grids = []
     for kind, suffix in enumerate(KINDS):
         for path in sorted(folder.glob(f"*{suffix}")):
+            if suffix == ".mcap" and not is_whole(path):
+                continue
             if found := _EPISODE.fullmatch(path.stem):
                 episodes.setdefault((found[1], int(found[2])), []).append(kind)
             elif _GRID.fullmatch(path.stem):
