@@ -6,6 +6,10 @@ import csv
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+import numpy as np
+
+from drpbench.evaluation.statistics import wilson
+
 
 @dataclass(frozen=True)
 class Progress:
@@ -61,7 +65,7 @@ class History:
 
 
 def plot(history: list[Progress], path: Path) -> None:
-    """Loss and validated success against samples, as a picture. Needs matplotlib."""
+    """Loss, and validated success with its 95 % intervals, against samples, as a picture. Needs matplotlib."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
@@ -75,8 +79,18 @@ def plot(history: list[Progress], path: Path) -> None:
         ("reached", "tab:gray"),
         ("collided", "tab:red"),
     ):
-        shares = [100.0 * getattr(p, name) / p.validated for p in scored]
-        lower.plot(samples, shares, "o-", color=colour, label=name)
+        counts = [(getattr(p, name), p.validated) for p in scored]
+        shares = np.array([100.0 * k / n for k, n in counts])
+        low, high = 100.0 * np.array([wilson(k, n) for k, n in counts]).reshape(-1, 2).T
+        lower.errorbar(
+            samples,
+            shares,
+            [shares - low, high - shares],
+            fmt="o-",
+            color=colour,
+            label=name,
+            capsize=2,
+        )
     lower.set(xlabel="training samples", ylabel="% of validation", ylim=(0, 100))
     lower.legend()
     for axes in (upper, lower):
