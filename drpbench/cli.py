@@ -30,7 +30,10 @@ def main() -> None:
     try:
         app(cli_recording.with_all(sys.argv[1:]))
     except KeyboardInterrupt:
-        print("\ndrpbench: interrupted; go on with --resume", file=sys.stderr)
+        again = {"run": "; go on with --resume", "train": "; go on with --resume"}
+        again |= dict.fromkeys(("data", "correct"), "; the same command goes on where it stopped")
+        told = again.get(next(iter(sys.argv[1:]), ""), "")
+        print(f"\ndrpbench: interrupted{told}", file=sys.stderr)
         sys.exit(130)
     except ValueError as error:
         if not _is_about_input(error):
