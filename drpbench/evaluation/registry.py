@@ -14,8 +14,8 @@ from .host import TIME_LIMIT, Hosted
 from .imported import built, check, find, installed, is_host, offered
 from .remote import Remote
 
-BEST_WEIGHTS = "impact-pretrained"
-"""Of the shipped ones; none are finetuned yet."""
+BEST_WEIGHTS = "impact"
+"""Of the shipped ones."""
 
 
 def _impact(weights: str | Path = BEST_WEIGHTS) -> Policy:
@@ -34,7 +34,7 @@ POLICIES: dict[str, tuple[Callable[[], Policy], str]] = {
     "impact": (_impact, "the transformer policy alone, with the best weights there are"),
     "impact-pretrained": (
         lambda: _impact("impact-pretrained"),
-        "the same, pretrained and not finetuned",
+        "the same before it learned from corrections",
     ),
     "rmp": (Rmp, "Riemannian motion policies from the point cloud alone"),
     "straight": (Straight, "the straight line in joint space, blind to the scene"),
