@@ -3,14 +3,9 @@
 jax 0.7 to 0.10 on the CPU: the backend's fusion emitters recompute a kinematic chain once for every
 use of it, which makes `mjx.kinematics` about 1000 times slower. Turning them off per function cures
 it. From jax 0.11 on the cure is not needed, and the unknown option would be an error.
-
-From jax 0.11 on an x86 processor: a loop's vector body fuses a product and a sum into one rounding where
-its remainder does not, so that a world's rows would depend on its lane in the batch. Without such
-instructions they do not, at no measurable cost.
 """
 
 import os
-import platform
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -28,8 +23,6 @@ def jit(function: Callable, **options: Any) -> Callable:
     version = tuple(int(part) for part in jax.__version__.split(".")[:2])
     if jax.default_backend() == "cpu" and (0, 7) <= version < (0, 11):
         options["compiler_options"] = {"xla_cpu_use_fusion_emitters": False}
-    elif jax.default_backend() == "cpu" and platform.machine() in ("x86_64", "AMD64"):
-        options["compiler_options"] = {"xla_cpu_max_isa": "AVX"}  # the last without fused products
     return jax.jit(function, **options)
 
 
