@@ -39,8 +39,7 @@ def main() -> None:
         subprocess.run(command, check=True, timeout=120, capture_output=True)
         with Image.open(shot) as file:
             picture = file.convert("RGB")
-    # 256 colours are enough, and a third of the bytes.
-    picture.quantize(256, dither=Image.Dither.NONE).save(arguments.out, optimize=True)
+    picture.save(arguments.out, optimize=True)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,10 @@ class Kept:
 
 
 def kept(folder: Path, page: Path) -> Kept:
-    """What lies in a folder of recordings, for a report in the folder `page`; nothing if there is none."""
+    """What lies in a folder of recordings, for a report in the folder `page`; nothing if there is none.
+
+    MCAP files that were cut short are left out.
+    """
     if not folder.is_dir():
         return Kept()
     episodes: dict[tuple[str, int], list[int]] = {}

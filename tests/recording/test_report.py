@@ -39,6 +39,7 @@ from .browser import ABSENT, CHROMIUM, Browser
 EXPECTED = {"SE": 4, "FDO": 3}
 HOSTILE = "<script>throw 1</script><!--\"'&{{data}}</title>"
 DOT = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
+MCAP = b"\x89MCAP0\r\n"  # how a file begins and ends
 VOID = {"meta", "link", "input", "br"}
 
 
@@ -246,9 +247,12 @@ def test_the_command_writes_the_report_and_refuses_another_ending(tmp_path):
 def test_what_lies_beside_a_result_is_found_and_moves_with_the_report(tmp_path):
     folder = tmp_path / "a b" / "good"
     folder.mkdir(parents=True)
-    for name in ("FDO-00002.mcap", "FDO-00002.mp4", "SE-00001.webp", "SE-grid-4.mp4"):
+    (folder / "FDO-00002.mcap").write_bytes(2 * MCAP)
+    (folder / "FDO-00004.mcap").write_bytes(MCAP + b"half")
+    (folder / "FDO-2.mcap").write_bytes(2 * MCAP)
+    for name in ("FDO-00002.mp4", "SE-00001.webp", "SE-grid-4.mp4"):
         (folder / name).touch()
-    for name in ("FDO-2.mcap", "FDO-00003.txt", ".FDO-00003.1.tmp.mp4", "notes.mp4"):
+    for name in ("FDO-00003.txt", ".FDO-00003.1.tmp.mp4", "notes.mp4"):
         (folder / name).touch()
     found = kept(folder, tmp_path)
     assert found.address == "a%20b/good"
@@ -260,7 +264,7 @@ def test_what_lies_beside_a_result_is_found_and_moves_with_the_report(tmp_path):
 
 def test_the_written_page_links_to_recordings(tmp_path):
     (tmp_path / "good").mkdir()
-    (tmp_path / "good" / "FDO-00002.mcap").touch()
+    (tmp_path / "good" / "FDO-00002.mcap").write_bytes(2 * MCAP)
     write_report(tmp_path / "report.html", some_results(), EXPECTED, tmp_path)
     data = json.loads(Page((tmp_path / "report.html").read_text()).scripts[0])
     places = data["failures"]["columns"]
@@ -286,7 +290,7 @@ def test_telling_failures_are_of_all_kinds():
 
 @pytest.fixture
 def failed(stored):
-    """A stored result of which no row is a success; its rows by id."""
+    """A stored result of which no row is a success, and the path of its file."""
     found, path = stored
     rows = [r.model_copy(update={"success": False}) for r in found.rows]
     assert any(r.collided for r in rows)
@@ -341,7 +345,7 @@ def test_what_came_out_differently_has_no_picture(failed, rolled, tmp_path, monk
 
 def test_trajectories_of_another_run_are_named_and_not_drawn(failed):
     found, path = failed
-    moved = [r.model_copy(update={"position_error": 2.0}) for r in found.rows]
+    moved = [r.model_copy(update={"position_error": r.position_error + 0.002}) for r in found.rows]
     whole = path.with_suffix(".npz").read_bytes()
     path.with_name("cut.npz").write_bytes(whole[:500])
     results = {"run.json": found.model_copy(update={"rows": moved}), "cut.json": found}
