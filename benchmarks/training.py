@@ -77,7 +77,7 @@ def main() -> None:
             def step(total, number):
                 key = jax.random.fold_in(jax.random.key(0), first + number)
                 return total + compute(
-                    parameters, draw(key, data, asked.batch, size.scene_points)
+                    parameters, draw(key, data, asked.batch, size.points_seen)
                 ), None
 
             return jax.lax.scan(step, jnp.float32(0), jnp.arange(asked.steps))[0]
