@@ -25,6 +25,7 @@ def short(episode, instants):
         joint_position=episode.joint_position[:instants],
         joint_velocity=episode.joint_velocity[:instants],
         boxes=boxes,
+        sphere=None if episode.sphere is None else episode.sphere[: instants - 1],
     )
 
 
