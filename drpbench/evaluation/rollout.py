@@ -11,7 +11,7 @@ import numpy as np
 
 from drpbench.compile import jit
 from drpbench.envs import CONTROL_STEPS, Events, Problem, State, Task, World
-from drpbench.geometry import Primitives, quaternion_to_matrix
+from drpbench.geometry import Primitives, quaternion_to_matrix, rotation_angle
 from drpbench.policies import Policy
 from drpbench.problems import ProblemSet
 from drpbench.robot import grip_pose, link_poses
@@ -74,15 +74,13 @@ def instance_key(seed: int, task: str, id: jax.Array, stream: int) -> jax.Array:
 def record(state: State, events: Events) -> dict[str, jax.Array]:
     """What a trace keeps of one world after one control step."""
     problem = state.problem
-    turn = events.grip_rotation - quaternion_to_matrix(problem.goal_quaternion)
-    # |R - R_goal|_F = 2 sqrt(2) sin(angle / 2)
-    sine = jnp.sqrt(jnp.sum(turn * turn)) / (2.0 * jnp.sqrt(2.0))
+    goal_rotation = quaternion_to_matrix(problem.goal_quaternion)
     return {
         "joint_position": state.joint_position,
         "joint_velocity": state.joint_velocity,
         "grip_position": events.grip_position,
         "position_error": jnp.linalg.norm(events.grip_position - problem.goal_position),
-        "orientation_error": 2.0 * jnp.arcsin(jnp.minimum(sine, 1.0)),
+        "orientation_error": rotation_angle(events.grip_rotation, goal_rotation),
         "clearance": events.clearance,
         "sphere": events.sphere,
         "self_clearance": events.self_clearance,

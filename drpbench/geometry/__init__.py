@@ -12,5 +12,6 @@ from .primitives import Primitives as Primitives
 from .primitives import concatenate as concatenate
 from .primitives import matrix_to_quaternion as matrix_to_quaternion
 from .primitives import quaternion_to_matrix as quaternion_to_matrix
+from .primitives import rotation_angle as rotation_angle
 from .sampling import areas as areas
 from .sampling import sample_surface as sample_surface

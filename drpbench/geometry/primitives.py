@@ -50,6 +50,15 @@ def quaternion_to_matrix(quaternion: Float[Array, "*batch 4"]) -> Float[Array, "
     return jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def rotation_angle(
+    first: Float[Array, "*batch 3 3"], second: Float[Array, "*batch 3 3"]
+) -> Float[Array, "*batch"]:
+    """Angle [rad] between two rotations, exact near 0 too: |R1 - R2|_F = 2 sqrt(2) sin(angle / 2)."""
+    turn = first - second
+    sine = jnp.sqrt(jnp.sum(turn * turn, axis=(-2, -1))) / (2.0 * jnp.sqrt(2.0))
+    return 2.0 * jnp.arcsin(jnp.minimum(sine, 1.0))
+
+
 def matrix_to_quaternion(rotation: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 4"]:
     """Unit quaternion wxyz of a rotation matrix, w or the largest component positive.
 

@@ -15,6 +15,7 @@ from drpbench.geometry import (
     nearest,
     normal,
     quaternion_to_matrix,
+    rotation_angle,
     signed_distance,
 )
 from drpbench.robot import LINKS, LinkPoses, grip_pose, link_poses, moving_spheres
@@ -99,15 +100,13 @@ def _whole(
         lambda a, b: jnp.where(middle[1] < end[1], a, b), middle, end
     )
     position, rotation = grip_pose(poses)
-    turn = rotation - quaternion_to_matrix(jnp.asarray(problem.goal_quaternion))
-    # |R - R_goal|_F = 2 sqrt(2) sin(angle / 2)
-    sine = jnp.sqrt(jnp.sum(turn * turn)) / (2.0 * jnp.sqrt(2.0))
+    goal_rotation = quaternion_to_matrix(jnp.asarray(problem.goal_quaternion))
     return {
         "link_position": poses.position,
         "link_quaternion": matrix_to_quaternion(poses.rotation),
         "grip_position": position,
         "position_error": jnp.linalg.norm(position - problem.goal_position),
-        "orientation_error": 2.0 * jnp.arcsin(jnp.minimum(sine, 1.0)),
+        "orientation_error": rotation_angle(rotation, goal_rotation),
         "clearance": away - radius,
         "link": link,
         "contact_point": center - away * normal(center, obstacles, which),

@@ -15,6 +15,7 @@ from drpbench.geometry import (
     nearest,
     normal,
     quaternion_to_matrix,
+    rotation_angle,
     signed_distance,
 )
 from drpbench.policies import DcpRmp, Policy, Reaction
@@ -75,9 +76,7 @@ def moment(world: World, policy: Policy, state: State, carry: Any) -> Moment:
     sphere = jnp.argmin(gaps)
     away, which = nearest(centers[sphere], obstacles)
     position, rotation = grip_pose(poses)
-    turn = rotation - quaternion_to_matrix(problem.goal_quaternion)
-    # |R - R_goal|_F = 2 sqrt(2) sin(angle / 2)
-    sine = jnp.sqrt(jnp.sum(turn * turn)) / (2.0 * jnp.sqrt(2.0))
+    goal_rotation = quaternion_to_matrix(problem.goal_quaternion)
     reaction = policy.reaction(observation, carry) if isinstance(policy, DcpRmp) else None
     return Moment(
         arm=_frames(state.joint_position),
@@ -85,7 +84,7 @@ def moment(world: World, policy: Policy, state: State, carry: Any) -> Moment:
         goal_position=problem.goal_position,
         goal_quaternion=problem.goal_quaternion,
         position_error=jnp.linalg.norm(position - problem.goal_position),
-        orientation_error=2.0 * jnp.arcsin(jnp.minimum(sine, 1.0)),
+        orientation_error=rotation_angle(rotation, goal_rotation),
         clearance=gaps[sphere],
         link=jnp.asarray(model.link)[sphere],
         contact_point=centers[sphere] - away * normal(centers[sphere], obstacles, which),
