@@ -33,7 +33,7 @@ from mcap_protobuf.schema import build_file_descriptor_set
 
 from drpbench import __version__
 
-_MAGIC = b"\x89MCAP0\r\n"
+MAGIC = b"\x89MCAP0\r\n"  # how a file begins and ends
 _HEADER = np.dtype(  # of a message
     {
         "names": ["opcode", "length", "channel", "sequence", "log_time", "publish_time"],
@@ -127,7 +127,7 @@ def _write_summary(out: "_File", sections: Sequence[Sequence[McapRecord]]) -> No
     footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
     out.write(summary)
     out.add(Footer(start, offset_start, zlib.crc32(footer, zlib.crc32(summary))))
-    out.write(_MAGIC)
+    out.write(MAGIC)
 
 
 class _File:
@@ -135,7 +135,7 @@ class _File:
 
     def __init__(self, file: BinaryIO):
         self._file, self.position = file, 0
-        self.write(_MAGIC)
+        self.write(MAGIC)
 
     def write(self, data: bytes) -> int:
         self._file.write(data)

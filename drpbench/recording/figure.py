@@ -18,7 +18,7 @@ class Solid:
 
     frame: int
     kind: str
-    """box, cylinder (about its z) or sphere"""
+    """of `SHAPES`: box, cylinder (about its z) or sphere"""
     half_size: tuple[float, float, float]
     """[m] as in `Primitives`: half extents; radius, radius, half height; three times the radius."""
     position: np.ndarray  # (3,) [m]

@@ -6,9 +6,8 @@ from pathlib import Path
 from mcap.records import Message, Metadata
 from mcap.stream_reader import StreamReader
 
+from .container import MAGIC
 from .episode import RecordingError
-
-_MAGIC = b"\x89MCAP0\r\n"
 
 
 @dataclass(frozen=True)
@@ -24,9 +23,9 @@ def is_whole(path: Path) -> bool:
     """Whether a file begins and ends as an MCAP file does: one that was cut short does not."""
     try:
         with path.open("rb") as file:
-            begins = file.read(len(_MAGIC)) == _MAGIC
-            file.seek(-len(_MAGIC), 2)
-            return begins and file.read() == _MAGIC
+            begins = file.read(len(MAGIC)) == MAGIC
+            file.seek(-len(MAGIC), 2)
+            return begins and file.read() == MAGIC
     except OSError:
         return False
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from drpbench.envs import CONTROL_PERIOD
-from drpbench.geometry import BOX, CYLINDER, SPHERE
+from drpbench.geometry import BOX, CYLINDER, SHAPES, SPHERE
 from drpbench.robot import LINKS, PANDA_XML, find_mesh_model
 from drpbench.robot.panda import FINGER_OPENING
 
@@ -21,7 +21,6 @@ _GEOM = {
     CYLINDER: mujoco.mjtGeom.mjGEOM_CYLINDER,
     SPHERE: mujoco.mjtGeom.mjGEOM_SPHERE,
 }
-_KINDS = {"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE}
 FURNITURE = (0.56, 0.63, 0.71)
 TABLE = (0.88, 0.86, 0.82)
 MOVER = (0.20, 0.42, 0.86)
@@ -152,11 +151,10 @@ def _obstacles(episode: Episode, instant: int) -> Iterator[tuple]:
 
 def _solid_arm() -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_file(str(PANDA_XML))
-    kinds = {name: _GEOM[kind] for name, kind in _KINDS.items()}
     for solid in arm_figure():
         geom = spec.body(LINKS[solid.frame]).add_geom()
         x, _, z = solid.half_size
-        geom.type = kinds[solid.kind]
+        geom.type = _GEOM[SHAPES.index(solid.kind)]
         geom.size = [x, z, 0] if solid.kind == "cylinder" else solid.half_size
         geom.pos, geom.quat = solid.position, solid.quaternion
         geom.rgba = [*solid.color, 1.0]

@@ -4,13 +4,12 @@ from functools import cache
 
 import numpy as np
 
-from drpbench.geometry import BOX, CYLINDER, SPHERE
+from drpbench.geometry import BOX, CYLINDER, SHAPES, SPHERE
 from drpbench.recording.figure import arm_figure
 
 Mesh = tuple[np.ndarray, np.ndarray]
 """Vertices (V, 3) [m] and triangles (F, 3), outsides counter-clockwise. Sharp edges have their vertices twice."""
 _ROUND = 28  # corners of a circle
-KINDS = {"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE}
 
 
 def solid(kind: int, half_size: np.ndarray) -> Mesh:
@@ -85,7 +84,7 @@ def links() -> dict[tuple[int, tuple[float, float, float]], Mesh]:
     """The arm's solids in their frames (0..7 link0 to link7, 8 the hand): one mesh a frame and colour."""
     parts: dict = {}
     for piece in arm_figure():
-        vertices, faces = solid(KINDS[piece.kind], piece.half_size)
+        vertices, faces = solid(SHAPES.index(piece.kind), piece.half_size)
         placed = _turned(vertices, piece.quaternion) + piece.position
         parts.setdefault((piece.frame, piece.color), []).append((placed, faces))
     return {part: joined(meshes) for part, meshes in parts.items()}
