@@ -1,6 +1,9 @@
 """Shapes and types are checked at run time in every test."""
 
+import pytest
 from jaxtyping import install_import_hook
+
+from .browser import ABSENT, CHROMIUM, Browser
 
 install_import_hook(
     [
@@ -13,3 +16,11 @@ install_import_hook(
     ],
     "beartype.beartype",
 )
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    if CHROMIUM is None:
+        pytest.skip(ABSENT)
+    with Browser(tmp_path_factory.mktemp("chromium")) as opened:
+        yield opened

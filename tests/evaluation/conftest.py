@@ -2,77 +2,30 @@
 
 import pytest
 
-from drpbench.evaluation.results import VERSIONED, Header, Result, Row
+from ..results import header, result, row
 
 
-def _header(policy="rmp", tasks=("FDO",), **changes):
-    fields = {
-        "policy": policy,
-        "policy_parameters": {"gain": 100.0, "levels": [1, 2]},
-        "privileged": False,
-        "tasks": list(tasks),
-        "problem_set": "drpbench-v1",
-        "problem_set_sha256": "a" * 64,
-        "seed": 0,
-        "precision": "float32",
-        "device": "cpu",
-        "batch_size": 64,
-        "versions": dict.fromkeys(VERSIONED, "1.0"),
-        "platform": "Linux",
-        "created": "2025-01-01T00:00:00+00:00",
-        "problems": dict.fromkeys(tasks),
-        "wall_seconds": 0.0,
-    }
-    return Header(**(fields | changes))
-
-
-def _row(task="FDO", instance=0, reached=True, collided=False, **changes):
-    fields = {
-        "id": instance,
-        "task": task,
-        "family": "box",
-        "success": reached and not collided,
-        "reached": reached,
-        "reached_5cm": reached,
-        "reached_once": reached,
-        "collided": collided,
-        "first_collision_step": 30 if collided else None,
-        "first_collision_link": "hand" if collided else None,
-        "self_collided": False,
-        "min_clearance": -0.001 if collided else 0.02,
-        "position_error": 0.004 if reached else 0.3,
-        "orientation_error": 0.1,
-        "time_to_goal": 4.5 if reached else None,
-        "joint_path_length": 6.0,
-        "ee_path_length": 1.5,
-        "sparc_joint": -2.5,
-        "sparc_ee": -2.0,
-        "joint_limit_violation": False,
-    }
-    return Row(**(fields | changes))
-
-
-def _result(policy="rmp", verdicts=None, **changes):
+def _marked(policy="rmp", verdicts=None, **changes):
     """verdicts: per task a string, one character an instance: + success, - not, x collided."""
     verdicts = verdicts or {"FDO": "+-x"}
     rows = [
-        _row(task, instance, reached=verdict == "+", collided=verdict == "x")
+        row(task, id, reached=verdict == "+", collided=verdict == "x")
         for task, marks in verdicts.items()
-        for instance, verdict in enumerate(marks)
+        for id, verdict in enumerate(marks)
     ]
-    return Result(header=_header(policy, tuple(verdicts), **changes), rows=rows)
+    return result(policy, rows, **changes)
 
 
 @pytest.fixture(scope="session")
 def make_header():
-    return _header
+    return header
 
 
 @pytest.fixture(scope="session")
 def make_row():
-    return _row
+    return row
 
 
 @pytest.fixture(scope="session")
 def make_result():
-    return _result
+    return _marked

@@ -42,8 +42,8 @@ def test_a_run_becomes_its_result_file(path, partial, make_header, make_row):
 
 def test_rows_are_on_disk_when_append_returns(path, partial, make_header, make_row):
     with Journal.create(path, make_header()) as journal:
-        journal.append([make_row(instance=7)])
-        assert make_row(instance=7).model_dump_json() in partial.read_text().splitlines()
+        journal.append([make_row(id=7)])
+        assert make_row(id=7).model_dump_json() in partial.read_text().splitlines()
 
 
 def test_nothing_is_overwritten(path, partial, make_header, make_result):
@@ -62,11 +62,11 @@ def test_nothing_is_overwritten(path, partial, make_header, make_result):
 
 def test_resuming_goes_on_where_it_stopped(path, make_header, make_row):
     with Journal.create(path, make_header(batch_size=64)) as journal:
-        journal.append([make_row(instance=1), make_row(instance=4)], seconds=2.0)
+        journal.append([make_row(id=1), make_row(id=4)], seconds=2.0)
     later = make_header(batch_size=8, created="2025-02-02T00:00:00Z", platform="elsewhere")
     with Journal.resume(path, later) as journal:
         assert journal.done == {("FDO", 1), ("FDO", 4)}
-        journal.append([make_row(instance=0)], seconds=0.5)
+        journal.append([make_row(id=0)], seconds=0.5)
         result = journal.finish()
     assert [row.id for row in result.rows] == [0, 1, 4]
     assert result.header.wall_seconds == 2.5
@@ -90,7 +90,7 @@ def test_a_finished_run_comes_back_finished(path, make_header, make_row):
     assert again.done == {("FDO", 0)}
     assert again.finish() == result
     assert path.stat().st_mtime_ns == before.st_mtime_ns
-    assert "finished" in refusal(again.append, [make_row(instance=1)])
+    assert "finished" in refusal(again.append, [make_row(id=1)])
 
 
 def test_killed_between_result_and_clean_up_is_finished(path, partial, make_header, make_row):
@@ -106,15 +106,15 @@ def test_killed_between_result_and_clean_up_is_finished(path, partial, make_head
 def test_a_log_cut_at_any_byte_keeps_every_whole_row(path, partial, make_header, make_row):
     header = make_header()
     with Journal.create(path, header) as journal:
-        journal.append([make_row(instance=0), make_row(instance=1)], seconds=1.0)
-        journal.append([make_row(instance=2)], seconds=1.0)
+        journal.append([make_row(id=0), make_row(id=1)], seconds=1.0)
+        journal.append([make_row(id=2)], seconds=1.0)
     text = partial.read_bytes()
     for length in range(len(text) + 1):
         partial.write_bytes(text[:length])
         with Journal.resume(path, header) as journal:
             whole = text[:length].count(b'\n{"id"') - (b'{"id"' in text[:length].split(b"\n")[-1])
             assert journal.done == {("FDO", instance) for instance in range(whole)}
-            journal.append([make_row(instance=i) for i in range(whole, 4)])
+            journal.append([make_row(id=i) for i in range(whole, 4)])
         with Journal.resume(path, header) as journal:
             assert len(journal.done) == 4
 
@@ -137,7 +137,7 @@ def test_a_log_cut_at_any_byte_keeps_every_whole_row(path, partial, make_header,
 )  # fmt: skip
 def test_other_damage_names_its_line(path, partial, make_header, make_row, damage, words):
     with Journal.create(path, make_header()) as journal:
-        journal.append([make_row(instance=0), make_row(instance=1)])
+        journal.append([make_row(id=0), make_row(id=1)])
     text = b"\n".join(damage(partial.read_bytes().split(b"\n")[:-1])) + b"\n"
     partial.write_bytes(text)
     message = refusal(Journal.resume, path, make_header())
@@ -186,11 +186,11 @@ def test_other_settings_are_refused_by_name(
 
 def test_a_row_is_never_held_twice(path, make_header, make_row):
     with Journal.create(path, make_header(problems={"FDO": [0, 1]})) as journal:
-        journal.append([make_row(instance=0)])
-        assert "FDO 0 stands there already" in refusal(journal.append, [make_row(instance=0)])
-        block = [make_row(instance=1), make_row(instance=1)]
+        journal.append([make_row(id=0)])
+        assert "FDO 0 stands there already" in refusal(journal.append, [make_row(id=0)])
+        block = [make_row(id=1), make_row(id=1)]
         assert "FDO 1 stands there already" in refusal(journal.append, block)
-        assert "FDO 2 was not asked for" in refusal(journal.append, [make_row(instance=2)])
+        assert "FDO 2 was not asked for" in refusal(journal.append, [make_row(id=2)])
         assert journal.done == {("FDO", 0)}
     with Journal.resume(path, make_header(problems={"FDO": [0, 1]})) as journal:
         assert journal.done == {("FDO", 0)}
@@ -201,7 +201,7 @@ def test_a_run_with_rows_missing_does_not_finish(path, partial, make_header, mak
         journal.append([make_row()])
         assert "1 of the 2 FDO problems asked for are missing" in refusal(journal.finish)
         assert not path.exists()
-        journal.append([make_row(instance=1)])
+        journal.append([make_row(id=1)])
         journal.finish()
     assert path.exists() and not partial.exists()
 
@@ -226,16 +226,16 @@ def test_a_full_disk_is_told_in_one_line_and_loses_nothing(
     path, make_header, make_row, monkeypatch
 ):
     journal = Journal.create(path, make_header())
-    journal.append([make_row(instance=0)])
+    journal.append([make_row(id=0)])
     with monkeypatch.context() as patch:
 
         def refuse(descriptor):
             raise OSError(28, "No space left on device")
 
         patch.setattr(os, "fsync", refuse)
-        message = refusal(journal.append, [make_row(instance=1)])
+        message = refusal(journal.append, [make_row(id=1)])
         assert "cannot be written: no space left on device" in message
-    assert "closed" in refusal(journal.append, [make_row(instance=2)])
+    assert "closed" in refusal(journal.append, [make_row(id=2)])
     with Journal.resume(path, make_header()) as journal:
         assert ("FDO", 0) in journal.done
 

@@ -18,9 +18,9 @@ def refusal(results, expected=EXPECTED):
 
 def test_every_rate_is_counted_from_the_rows(make_header, make_row):
     rows = [
-        make_row(instance=0),
-        make_row(instance=1, collided=True),
-        make_row(instance=2, reached=False, reached_5cm=True),
+        make_row(id=0),
+        make_row(id=1, collided=True),
+        make_row(id=2, reached=False, reached_5cm=True),
     ]
     board = build({"a": Result(header=make_header(), rows=rows)}, EXPECTED)
     cell = board.entries[0].cells["FDO"]

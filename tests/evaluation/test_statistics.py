@@ -102,8 +102,8 @@ def test_paired_counts_what_only_one_solves(make_result):
 
 
 def test_paired_leaves_out_what_is_not_valid_in_both(make_row):
-    first = [make_row(instance=0), make_row(instance=1, valid=False), make_row(instance=2)]
-    second = [make_row(instance=i, reached=False, valid=i != 2) for i in range(3)]
+    first = [make_row(id=0), make_row(id=1, valid=False), make_row(id=2)]
+    second = [make_row(id=i, reached=False, valid=i != 2) for i in range(3)]
     assert paired(first, second)[:3] == (1, 0, 1)
 
 

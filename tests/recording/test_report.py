@@ -13,11 +13,12 @@ from typer.testing import CliRunner
 
 from drpbench.cli import app
 from drpbench.evaluation.leaderboard import build, load_dir
-from drpbench.evaluation.results import VERSIONED, Header, Result, Row, save
+from drpbench.evaluation.results import save
 from drpbench.evaluation.shipped import shipped_results
 from drpbench.evaluation.statistics import wilson
 from drpbench.problems import counts
 from drpbench.recording import RecordingError, Replay
+from drpbench.recording.container import MAGIC
 from drpbench.recording.report import render, write_report
 from drpbench.recording.report_figures import (
     CLEARANCES,
@@ -34,61 +35,12 @@ from drpbench.recording.report_figures import (
 from drpbench.recording.report_pictures import SIZE, pictures, telling
 from drpbench.recording.report_recordings import Kept, kept
 
-from .browser import ABSENT, CHROMIUM, Browser
+from ..results import result, row
 
 EXPECTED = {"SE": 4, "FDO": 3}
 HOSTILE = "<script>throw 1</script><!--\"'&{{data}}</title>"
 DOT = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
-MCAP = b"\x89MCAP0\r\n"  # how a file begins and ends
 VOID = {"meta", "link", "input", "br"}
-
-
-def row(task="FDO", id=0, reached=True, collided=False, **changes):
-    fields = {
-        "id": id,
-        "task": task,
-        "family": "box",
-        "success": reached and not collided,
-        "reached": reached,
-        "reached_5cm": reached,
-        "reached_once": reached,
-        "collided": collided,
-        "first_collision_step": 30 if collided else None,
-        "first_collision_link": "hand" if collided else None,
-        "self_collided": False,
-        "min_clearance": -0.001 if collided else 0.02,
-        "position_error": 0.004 if reached else 0.3,
-        "orientation_error": 0.1,
-        "time_to_goal": 4.5 if reached else None,
-        "joint_path_length": 6.0,
-        "ee_path_length": 1.5,
-        "sparc_joint": -2.5,
-        "sparc_ee": -2.0,
-        "joint_limit_violation": False,
-    }
-    return Row(**(fields | changes))
-
-
-def result(policy, rows, **changes):
-    tasks = list(dict.fromkeys(r.task for r in rows))
-    fields = {
-        "policy": policy,
-        "policy_parameters": {"gain": 1.0},
-        "privileged": False,
-        "tasks": tasks,
-        "problem_set": "drpbench-v1",
-        "problem_set_sha256": "a" * 64,
-        "seed": 0,
-        "precision": "float32",
-        "device": "cpu",
-        "batch_size": 64,
-        "versions": dict.fromkeys(VERSIONED, "1.0"),
-        "platform": "Linux",
-        "created": "2025-01-01T00:00:00+00:00",
-        "problems": dict.fromkeys(tasks),
-        "wall_seconds": 0.0,
-    }
-    return Result(header=Header(**(fields | changes)), rows=rows)
 
 
 def some_results():
@@ -247,9 +199,9 @@ def test_the_command_writes_the_report_and_refuses_another_ending(tmp_path):
 def test_what_lies_beside_a_result_is_found_and_moves_with_the_report(tmp_path):
     folder = tmp_path / "a b" / "good"
     folder.mkdir(parents=True)
-    (folder / "FDO-00002.mcap").write_bytes(2 * MCAP)
-    (folder / "FDO-00004.mcap").write_bytes(MCAP + b"half")
-    (folder / "FDO-2.mcap").write_bytes(2 * MCAP)
+    (folder / "FDO-00002.mcap").write_bytes(2 * MAGIC)
+    (folder / "FDO-00004.mcap").write_bytes(MAGIC + b"half")
+    (folder / "FDO-2.mcap").write_bytes(2 * MAGIC)
     for name in ("FDO-00002.mp4", "SE-00001.webp", "SE-grid-4.mp4"):
         (folder / name).touch()
     for name in ("FDO-00003.txt", ".FDO-00003.1.tmp.mp4", "notes.mp4"):
@@ -264,7 +216,7 @@ def test_what_lies_beside_a_result_is_found_and_moves_with_the_report(tmp_path):
 
 def test_the_written_page_links_to_recordings(tmp_path):
     (tmp_path / "good").mkdir()
-    (tmp_path / "good" / "FDO-00002.mcap").write_bytes(2 * MCAP)
+    (tmp_path / "good" / "FDO-00002.mcap").write_bytes(2 * MAGIC)
     write_report(tmp_path / "report.html", some_results(), EXPECTED, tmp_path)
     data = json.loads(Page((tmp_path / "report.html").read_text()).scripts[0])
     places = data["failures"]["columns"]
@@ -301,8 +253,8 @@ def test_pictures_are_small_and_show_the_contact(failed):
     found, path = failed
     drawn = pictures({"run.json": found}, path.parent, 9, False, pytest.fail)
     assert {id for _, _, id in drawn} == {r.id for r in found.rows}
-    for row in found.rows:
-        kind, _, text = drawn["run.json", "FDO", row.id].partition(",")
+    for failed in found.rows:
+        kind, _, text = drawn["run.json", "FDO", failed.id].partition(",")
         assert kind == "data:image/webp;base64" and len(text) < 12_000
         picture = Image.open(io.BytesIO(base64.b64decode(text)))
         assert picture.size == SIZE
@@ -377,14 +329,6 @@ def test_the_command_draws_what_was_saved_and_says_why_it_cannot(stored, tmp_pat
     assert told.exit_code == 0 and drawn() == 0
     assert "a report without pictures: MUJOCO_GL=glfw" in told.output
     assert isinstance(report("--thumbnails", "1").exception, RecordingError)
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    if CHROMIUM is None:
-        pytest.skip(ABSENT)
-    with Browser(tmp_path_factory.mktemp("chromium")) as browser:
-        yield browser
 
 
 def opened(browser, path, results, expected, **shown):

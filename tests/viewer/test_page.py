@@ -12,8 +12,6 @@ from PIL import Image
 
 from drpbench.refused import Refused
 
-from ..recording.browser import ABSENT, CHROMIUM, Browser
-
 viser = pytest.importorskip("viser", reason="viser is not installed (extra `viewer`)")
 from drpbench.viewer.page import NO_SOLUTION, Page  # noqa: E402
 
@@ -45,14 +43,6 @@ def page(served, compiled):
     until(lambda: served._wishes.empty(), "a page at rest")
     until(lambda: (compiled.id, compiled.clock) == (FURNISHED, 0), "the start")
     return served
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    if CHROMIUM is None:
-        pytest.skip(ABSENT)
-    with Browser(tmp_path_factory.mktemp("chromium")) as opened:
-        yield opened
 
 
 def until(told, what):
