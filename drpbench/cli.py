@@ -9,9 +9,15 @@ from typing import Annotated
 import typer
 
 from drpbench import cli_learning, cli_recording, cli_report, cli_results, cli_view
+from drpbench.cli_options import (
+    TASK_NAMES,
+    PolicyArguments,
+    PolicyName,
+    Seed,
+    TimeLimit,
+    check_limits,
+)
 from drpbench.refused import Refused
-
-TASK_NAMES = ("SE", "SAO", "FDO", "GB", "DGB")
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -123,23 +129,13 @@ def default_out(policy: str, tasks: list[str], resume: bool) -> Path:
 @app.command()
 def run(
     task: Annotated[str, typer.Option(help="One task, several (FDO,DGB) or all.")] = "all",
-    policy: Annotated[
-        str,
-        typer.Option(
-            help="A policy of `drpbench list`, or your own: my_package.my_module:MyPolicy."
-        ),
-    ] = "rmp",
-    policy_arg: Annotated[
-        list[str] | None,
-        typer.Option(help="A parameter of the policy, NAME=VALUE; may be given again."),
-    ] = None,
-    time_limit: Annotated[
-        float, typer.Option(help="Seconds a policy outside jit may take for a step of its batch.")
-    ] = 10.0,
+    policy: PolicyName = "rmp",
+    policy_arg: PolicyArguments = None,
+    time_limit: TimeLimit = 10.0,
     problems: Annotated[
         str | None, typer.Option(help="How many of each task, or which: 20, 3,17 or 0-9.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of everything random. Compare equal seeds only.")] = 0,
+    seed: Seed = 0,
     out: Annotated[
         Path | None, typer.Option(help="Result file [default: runs/POLICY-TASK.json]")
     ] = None,
@@ -163,10 +159,7 @@ def run(
     names = parse_tasks(task)
     if batch_size is not None and batch_size < 1:
         raise Refused(f"--batch-size {batch_size}: must be at least 1")
-    if not 0.0 < time_limit < float("inf"):
-        raise Refused(f"--time-limit {time_limit:g}: seconds above 0 are meant")
-    if not -(2**31) <= seed < 2**31:
-        raise Refused(f"--seed {seed}: must fit 32 bits")
+    check_limits(time_limit, seed)
     recorded = cli_recording.parse_count(record)
     from drpbench.problems import counts
 

@@ -4,28 +4,24 @@ from typing import Annotated
 
 import typer
 
+from drpbench.cli_options import (
+    TASK_NAMES,
+    PolicyArguments,
+    PolicyName,
+    Seed,
+    TimeLimit,
+    check_limits,
+)
 from drpbench.refused import Refused
-
-TASKS = ("SE", "SAO", "FDO", "GB", "DGB")
 
 
 def view(
     task: Annotated[str, typer.Option(help="One task.")] = "FDO",
-    policy: Annotated[
-        str,
-        typer.Option(
-            help="A policy of `drpbench list`, or your own: my_package.my_module:MyPolicy."
-        ),
-    ] = "drp",
-    policy_arg: Annotated[
-        list[str] | None,
-        typer.Option(help="A parameter of the policy, NAME=VALUE; may be given again."),
-    ] = None,
-    time_limit: Annotated[
-        float, typer.Option(help="Seconds a policy outside jit may take for a step.")
-    ] = 10.0,
+    policy: PolicyName = "drp",
+    policy_arg: PolicyArguments = None,
+    time_limit: TimeLimit = 10.0,
     id: Annotated[int, typer.Option(help="The problem to begin with.")] = 0,
-    seed: Annotated[int, typer.Option(help="Of everything random, as in `run`.")] = 0,
+    seed: Seed = 0,
     host: Annotated[str, typer.Option(help="Where to serve: 0.0.0.0 for other machines.")] = (
         "127.0.0.1"
     ),
@@ -33,14 +29,11 @@ def view(
 ) -> None:
     """Watch a policy in the browser, and put things in its way (extra `viewer`)."""
     name = task.strip().upper()
-    if name not in TASKS:
-        raise Refused(f"no task {task!r}; there are: {', '.join(TASKS)}")
+    if name not in TASK_NAMES:
+        raise Refused(f"no task {task!r}; there are: {', '.join(TASK_NAMES)}")
     if not 0 < port < 65536:
         raise Refused(f"--port {port}: a number from 1 to 65535 is meant")
-    if not 0.0 < time_limit < float("inf"):
-        raise Refused(f"--time-limit {time_limit:g}: seconds above 0 are meant")
-    if not -(2**31) <= seed < 2**31:
-        raise Refused(f"--seed {seed}: must fit 32 bits")
+    check_limits(time_limit, seed)
     try:
         import viser  # noqa: F401
     except ImportError:
