@@ -177,14 +177,13 @@ class PointTokens(nnx.Module):
         self,
         size: ImpactSize,
         tokens: int,
+        radius: float,
+        samples: int,
         dtype,
         rngs: nnx.Rngs,
         features: int = 0,
-        radius: float | None = None,
-        samples: int | None = None,
     ):
-        self.tokens = tokens
-        self.radius, self.samples = radius or size.radius, samples or size.samples
+        self.tokens, self.radius, self.samples = tokens, radius, samples
         widths = (3 + features, *size.point_mlp)
         self.point_mlp = nnx.List(
             Linear(a, b, dtype=dtype, rngs=rngs) for a, b in zip(widths, widths[1:], strict=False)
@@ -317,20 +316,18 @@ class ImpactNetwork(nnx.Module):
 
     def __init__(self, size: ImpactSize, rngs: nnx.Rngs, dtype=jnp.float32):
         self.size = size
-        self.scene = PointTokens(
-            size, size.scene_tokens, dtype, rngs, features=2 if size.sees_goal else 0
-        )
-        self.robot = PointTokens(size, size.robot_tokens, dtype, rngs)
+        near = size.radius, size.samples
+        features = 2 if size.sees_goal else 0
+        self.scene = PointTokens(size, size.scene_tokens, *near, dtype, rngs, features)
+        self.robot = PointTokens(size, size.robot_tokens, *near, dtype, rngs)
         self.current = JointToken(7, size, dtype, rngs)
         self.goal = JointToken(7, size, dtype, rngs)
         self.difference = JointToken(14, size, dtype, rngs)
         draw = nnx.initializers.normal(0.02)
         self.types = nnx.Param(draw(rngs.params(), (6 if size.sees_goal else 5, size.width)))
         if size.feelers:
-            radius, samples = size.feeler_radius, size.feeler_samples
-            self.feeler = PointTokens(
-                size, size.feelers, dtype, rngs, radius=radius, samples=samples
-            )
+            near = size.feeler_radius, size.feeler_samples
+            self.feeler = PointTokens(size, size.feelers, *near, dtype, rngs)
             self.places = nnx.Param(draw(rngs.params(), (2, size.feelers, size.width)))
         self.actions = nnx.Param(draw(rngs.params(), (CHUNK, size.width)))
         self.encoder = nnx.List(EncoderLayer(size, dtype, rngs) for _ in range(size.encoder_layers))
@@ -384,8 +381,9 @@ class ImpactNetwork(nnx.Module):
         types = self.types[...].astype(self.dtype)
         groups = [tokens + types[i] for i, tokens in enumerate(groups)]
         if size.feelers:
-            for q, place in zip((joints, goal), self.places[...].astype(self.dtype), strict=True):
-                centers = _world(feeler_points(size.feelers), q)
+            places = self.places[...].astype(self.dtype)
+            for posture, place in zip((joints, goal), places, strict=True):
+                centers = _world(feeler_points(size.feelers), posture)
                 groups.append(self.feeler(all_points, all_there, centers=centers) + place)
         x = jnp.concatenate(groups, axis=-2)
         for layer in self.encoder:
