@@ -41,9 +41,10 @@ def report(
         folder, here = shipped_results(), Path.cwd()
         folder = folder.relative_to(here) if folder.is_relative_to(here) else folder
     results = load_dir(folder)
-    build(results, counts())  # what cannot stand side by side is refused before anything is drawn
+    expected = counts()
+    build(results, expected)  # what cannot stand side by side is refused before anything is drawn
     pictures = _pictures(results, folder, thumbnails)
-    write_report(out, results, counts(), folder, pictures)
+    write_report(out, results, expected, folder, pictures)
     typer.echo(f"wrote {out}")
 
 
