@@ -8,6 +8,12 @@ import typer
 from drpbench.refused import Refused
 
 
+def _check_multiple(name: str, number: int, of: int, least: int = 0) -> None:
+    if number < least or number % of:
+        near = max(of, round(number / of) * of)
+        raise Refused(f"--{name} {number}: must be a multiple of {of}, such as {near}")
+
+
 def data(
     out: Annotated[Path, typer.Option(help="Folder to write to, or to add to.")],
     count: Annotated[int, typer.Option(help="How many problems to draw, in all.")] = 10240,
@@ -21,10 +27,8 @@ def data(
     from drpbench.learning.drawing import TRAINING_STREAM
     from drpbench.learning.production import SHARD, fill
 
-    for name, number in (("count", count), ("first", first)):
-        if number < 0 or number % SHARD:
-            near = max(SHARD, round(number / SHARD) * SHARD)
-            raise Refused(f"--{name} {number}: must be a multiple of {SHARD}, such as {near}")
+    _check_multiple("count", count, SHARD)
+    _check_multiple("first", first, SHARD)
     if workers is not None and workers < 1:
         raise Refused(f"--workers {workers}: must be at least 1")
     shards = Shards(out, TRAINING_STREAM, SHARD)
@@ -65,9 +69,7 @@ def correct(
 
     there = read(demonstrations)
     count = there.count // SHARD * SHARD if count is None else count
-    if count < 1 or count % SHARD:
-        near = max(SHARD, round(count / SHARD) * SHARD)
-        raise Refused(f"--count {count}: must be a multiple of {SHARD}, such as {near}")
+    _check_multiple("count", count, SHARD, least=1)
     if count > there.count:
         raise Refused(f"--count {count}: {demonstrations} holds {there.count} demonstrations")
     policy = load(weights)
@@ -79,11 +81,11 @@ def correct(
 
     from drpbench.terminal import DataProgress
 
-    with DataProgress(Console(), count, ("walked", "corrected")) as progress:
+    with DataProgress(Console(), count, ("demonstrations", "corrections")) as progress:
         fill_corrections(shards, policy, there, count, seed, progress.advance)
     counts = shards.counts
     typer.echo(
-        f"{out}: {counts['solved']} corrections of {counts['drawn']} episodes, "
+        f"{out}: {counts['solved']} corrections after {counts['drawn']} demonstrations, "
         f"{counts['obstructed']} of them with the goal out of reach"
     )
 

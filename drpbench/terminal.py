@@ -56,7 +56,7 @@ class RunProgress:
 
 
 class DataProgress:
-    """A bar of problems drawn, with the share that was solved; plain lines without a terminal.
+    """A bar of problems drawn, and how many were solved; plain lines without a terminal.
 
     `words` are other names for drawn and solved.
     """
@@ -78,8 +78,7 @@ class DataProgress:
         self._drawn += drawn
         self._solved += solved
         drawn_word, solved_word = self._words
-        share = 100 * self._solved / self._drawn
-        told = f"{self._drawn} {drawn_word}, {share:.1f}% {solved_word}"
+        told = f"{self._drawn} {drawn_word}, {self._solved} {solved_word}"
         self._bars.update(self._bar, advance=drawn, told=told)
         if not self._console.is_terminal and self._drawn % 1024 < drawn:
             self._console.print(told, highlight=False)

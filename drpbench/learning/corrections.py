@@ -5,6 +5,9 @@ The policy leads the arm through demonstrated scenes, without dynamics: the arm 
 next one is asked for. Of each episode one configuration is kept, mostly the last ones before the arm
 touches something, and from there the expert plans to the same goal. What a policy has learned from its own
 mistakes no offset beside a demonstrated path can teach it.
+
+Each episode is then interrupted at a random time and goes on in the same scene with one box more, that
+stands on the policy's own way or on its goal; of that one too a configuration is kept.
 """
 
 from collections.abc import Callable
@@ -14,15 +17,16 @@ from functools import cache, partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from drpbench.compile import jit
 from drpbench.envs import Observation
 from drpbench.envs.cloud import robot_points
-from drpbench.geometry import matrix_to_quaternion
+from drpbench.envs.movers import clearance_of_box
+from drpbench.geometry import BOX, Primitives, matrix_to_quaternion, quaternion_to_matrix
 from drpbench.policies import Policy
 from drpbench.policies.impact import SCENE_POINTS
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, grip_pose, link_poses
+from drpbench.robot import JOINT_LOWER, JOINT_UPPER, grip_pose, link_poses, moving_spheres
 
 from .batches import cloud
 from .clearance_cost import gaps
@@ -36,13 +40,20 @@ _ARRIVED = 0.05  # [rad]
 _JUST_BEFORE = 6  # of the last targets before a touch, one is kept ...
 _SHARE_BEFORE = 0.7  # ... in so many of the episodes that touch; else any of the way
 _SKIPPED = 3  # waypoints of the old path, from the nearest, that the hint leaves out
+_SMALL, _LARGE = (0.025, 0.12), (0.1, 0.2)  # [m] half sizes of a box on the way, on the goal
+_ROOM = (0.02, 0.12)  # [m] that it leaves to the arm as it stands then, at least
+_TRIES = 64  # boxes drawn
+_ON_GOAL = 0.3  # share of the boxes that appear on the goal, not on the way
 
 
 def _walk(
-    policy: Policy, demonstration: Demonstrations, key: PRNGKeyArray
+    policy: Policy,
+    start: Float[Array, "7"],
+    goal: Float[Array, "7"],
+    obstacles: Primitives,
+    key: PRNGKeyArray,
 ) -> tuple[Float[Array, "T 7"], Float[Array, " T"]]:
-    """Where the policy leads the arm from a demonstration's start [rad], and its room there [m]."""
-    obstacles, goal = demonstration.obstacles(), demonstration.goal
+    """Where the policy leads the arm [rad], and its room there [m]."""
     points, mask = cloud(key, obstacles, SCENE_POINTS)
     position, rotation = grip_pose(link_poses(goal))
 
@@ -64,10 +75,20 @@ def _walk(
         q = jnp.clip(target, JOINT_LOWER, JOINT_UPPER)
         return (q, carry), (q, jnp.min(gaps(q, obstacles).obstacle))
 
-    start = demonstration.path[0]
     begun = (start, policy.init(observe(start)))
     _, walked = jax.lax.scan(step, begun, jax.random.split(key, STEPS))
     return walked
+
+
+def _last(
+    walked: Float[Array, "T 7"], room: Float[Array, " T"], goal: Float[Array, "7"]
+) -> tuple[Int[Array, ""], Bool[Array, ""]]:
+    """The last target before the arm touches something or is at its goal, and whether it touches; -1: none."""
+    number = jnp.arange(STEPS)
+    touch = jnp.min(jnp.where(room < _TOUCH, number, STEPS))
+    arrived = jnp.max(jnp.abs(walked - goal), axis=-1) < _ARRIVED
+    last = jnp.minimum(touch, jnp.min(jnp.where(arrived, number, STEPS))) - 1
+    return last, (touch < STEPS) & (touch == last + 1)
 
 
 def _stray(
@@ -77,18 +98,65 @@ def _stray(
     key: PRNGKeyArray,
 ) -> tuple[Float[Array, "7"], Bool[Array, ""]]:
     """A configuration to go on from, and whether there is one: free, and not yet at the goal."""
-    number = jnp.arange(STEPS)
-    touch = jnp.min(jnp.where(room < _TOUCH, number, STEPS))
-    arrived = jnp.max(jnp.abs(walked - goal), axis=-1) < _ARRIVED
-    last = jnp.minimum(touch, jnp.min(jnp.where(arrived, number, STEPS))) - 1
+    last, touches = _last(walked, room, goal)
     which, before, anywhere = jax.random.split(key, 3)
-    just_before = (jax.random.uniform(which) < _SHARE_BEFORE) & (touch < STEPS)
+    just_before = (jax.random.uniform(which) < _SHARE_BEFORE) & touches
     chosen = jnp.where(
         just_before,
         last - jax.random.randint(before, (), 0, _JUST_BEFORE),
         jnp.floor(jax.random.uniform(anywhere) * (last + 1)).astype(jnp.int32),
     )
     return walked[jnp.maximum(chosen, 0)], last >= 0
+
+
+def _interrupted(
+    demonstration: Demonstrations,
+    walked: Float[Array, "T 7"],
+    room: Float[Array, " T"],
+    key: PRNGKeyArray,
+) -> tuple[Demonstrations, Float[Array, "7"], Bool[Array, ""]]:
+    """The scene with one box more, that appears while the arm is under way; where the arm is then; and
+    whether one was found that leaves it room, and is on the goal or leaves room to the arm there too."""
+    goal, last = demonstration.goal, _last(walked, room, demonstration.goal)[0]
+    way = jnp.concatenate([walked, goal[None]])
+    poses = jax.vmap(link_poses)(way)
+    place, _ = jax.vmap(grip_pose)(poses)
+    model = moving_spheres()
+    centers, radii = jax.vmap(model.world)(poses), jnp.asarray(model.radius)
+    blocks_key, key = jax.random.split(key)
+    blocks = jax.random.uniform(blocks_key) < _ON_GOAL
+
+    def attempt(key):
+        time_key, place_key, size_key, room_key, turn_key = jax.random.split(key, 5)
+        time = jnp.floor(jax.random.uniform(time_key) * (last + 1)).astype(jnp.int32)
+        later = jax.random.randint(place_key, (), time + 1, last + 2)
+        least, most = jnp.where(blocks, jnp.array(_LARGE), jnp.array(_SMALL))
+        half_size = jax.random.uniform(size_key, (3,), minval=least, maxval=most)
+        quaternion = jax.random.normal(turn_key, (4,))
+        quaternion = quaternion / jnp.linalg.norm(quaternion)
+        position = place[jnp.where(blocks, STEPS, later)]
+        rotation = quaternion_to_matrix(quaternion)
+        now, then = (
+            clearance_of_box(half_size, rotation, position, centers[at], radii)
+            for at in (time, STEPS)
+        )
+        wanted = jax.random.uniform(room_key, minval=_ROOM[0], maxval=_ROOM[1])
+        fits = (now > wanted) & (blocks | (then > _ROOM[0]))
+        return time, half_size, position, quaternion, fits
+
+    found = jax.vmap(attempt)(jax.random.split(key, _TRIES))
+    first = jnp.argmax(found[-1])
+    time, half_size, position, quaternion, fits = jax.tree.map(lambda leaf: leaf[first], found)
+    slot = jnp.argmin(demonstration.mask)
+    scene = replace(
+        demonstration,
+        kind=demonstration.kind.at[slot].set(BOX),
+        half_size=demonstration.half_size.at[slot].set(half_size),
+        position=demonstration.position.at[slot].set(position),
+        quaternion=demonstration.quaternion.at[slot].set(quaternion),
+        mask=demonstration.mask.at[slot].set(True),
+    )
+    return scene, walked[time], (last >= 0) & fits & ~demonstration.mask[slot]
 
 
 def _hint(path: Float[Array, "m 7"], q: Float[Array, "7"]) -> Float[Array, "m 7"]:
@@ -104,28 +172,38 @@ def _hint(path: Float[Array, "m 7"], q: Float[Array, "7"]) -> Float[Array, "m 7"
 @cache
 def _strays():
     @partial(jax.vmap, in_axes=(None, 0, 0))
-    def one(policy, demonstration, key):
-        walk_key, stray_key = jax.random.split(key)
-        walked, room = _walk(policy, demonstration, walk_key)
-        q, usable = _stray(walked, room, demonstration.goal, stray_key)
-        return q, usable, _hint(demonstration.path, q)
+    def both(policy, demonstration, key):
+        """Scene, where the arm has strayed to, whether it has, and a hint: without and with a box more."""
+        goal, path = demonstration.goal, demonstration.path
+        walk_key, stray_key, box_key, again_key, last_key = jax.random.split(key, 5)
+        way = _walk(policy, path[0], goal, demonstration.obstacles(), walk_key)
+        q, usable = _stray(*way, goal, stray_key)
+        scene, start, placed = _interrupted(demonstration, *way, box_key)
+        way = _walk(policy, start, goal, scene.obstacles(), again_key)
+        boxed, strayed = _stray(*way, goal, last_key)
+        return (
+            (demonstration, q, usable, _hint(path, q)),
+            (scene, boxed, strayed & placed, _hint(path, boxed)),
+        )
 
-    return jit(one)
+    return jit(both)
 
 
 def correct(policy: Policy, demonstrations: Demonstrations, seed: int) -> Demonstrations:
-    """The expert's paths from where `policy` goes astray in each of up to `batch_size()` demonstrations;
-    those that it solves."""
+    """The expert's paths from where `policy` goes astray in each of up to `batch_size()` demonstrations,
+    and again with one box more; those that it solves."""
     count = demonstrations.count
     filled = jax.tree.map(
         lambda leaf: np.resize(leaf, (batch_size(), *leaf.shape[1:])), demonstrations
     )
     keys = jax.vmap(lambda index: jax.random.fold_in(jax.random.key(seed), index))(filled.index)
-    starts, usable, hints = _strays()(policy, filled, keys)
-    plans = planner(CHEAP)(filled.obstacles(), starts, filled.goal, keys, hints[:, None])
-    good = np.flatnonzero(np.asarray(plans.success & usable)[:count])
-    found = replace(filled, path=plans.path, length=plans.length, reached=plans.reached)
-    return jax.tree.map(lambda leaf: np.asarray(leaf)[good], found)
+    parts = []
+    for scenes, starts, usable, hints in _strays()(policy, filled, keys):
+        plans = planner(CHEAP)(scenes.obstacles(), starts, scenes.goal, keys, hints[:, None])
+        good = np.flatnonzero(np.asarray(plans.success & usable)[:count])
+        found = replace(scenes, path=plans.path, length=plans.length, reached=plans.reached)
+        parts.append(jax.tree.map(lambda leaf, good=good: np.asarray(leaf)[good], found))
+    return join(parts)
 
 
 def fill_corrections(
@@ -138,7 +216,7 @@ def fill_corrections(
 ) -> None:
     """Makes the shards that are not there yet, from the first `count` demonstrations, a multiple of SHARD.
 
-    `progress(walked, corrected)` is told of every batch.
+    `progress(demonstrations, corrections)` is told of every batch.
     """
     for first in range(0, count, SHARD):
         if first in shards.done:

@@ -60,7 +60,7 @@ def _about(folder: Path) -> str:
     of = (
         f"of {drawn} problems drawn"
         if manifest["stream"] == TRAINING_STREAM
-        else f"{manifest['stream']} after {drawn} of its episodes"
+        else f"{manifest['stream']} after {drawn} demonstrations"
     )
     return f"{solved} expert paths, {obstructed} of them to goals out of reach; {of}"
 

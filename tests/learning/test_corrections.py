@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from drpbench.learning import corrections
+from drpbench.learning.batches import along
 from drpbench.learning.clearance_cost import gaps
-from drpbench.learning.corrections import STEPS, _hint, _stray, correct, fill_corrections
+from drpbench.learning.corrections import (
+    STEPS,
+    _hint,
+    _interrupted,
+    _stray,
+    correct,
+    fill_corrections,
+)
 from drpbench.learning.demonstrations import Shards, read
 from drpbench.learning.path_check import check_path
 from drpbench.policies.floors import Straight
@@ -60,14 +68,45 @@ def corrected(demonstrations):
     patch.undo()
 
 
+def boxes_more(demonstrations, corrected):
+    """How many obstacles each corrected scene has more than the demonstrated one."""
+    count = dict(zip(demonstrations.index.tolist(), demonstrations.mask.sum(axis=1), strict=True))
+    return corrected.mask.sum(axis=1) - [count[index] for index in corrected.index.tolist()]
+
+
 def test_corrections_are_free_and_end_at_the_goal(demonstrations, corrected):
-    assert 0.5 * demonstrations.count <= corrected.count <= demonstrations.count
+    more = boxes_more(demonstrations, corrected)
+    assert set(more.tolist()) == {0, 1}
+    for boxes, least in ((0, 0.5), (1, 0.2)):
+        assert least * demonstrations.count <= (more == boxes).sum() <= demonstrations.count
     found = jax.tree.map(jnp.asarray, corrected)
     free = jax.vmap(lambda path, obstacles: check_path(path, obstacles).free)
     assert free(found.path, found.obstacles()).all()
     room = jax.vmap(lambda q, obstacles: gaps(q, obstacles).obstacle.min())
     assert (room(found.path[:, 0], found.obstacles()) > 0.0).all()
-    np.testing.assert_array_equal(found.path[:, -1], found.goal)
+    ends = np.abs(corrected.path[:, -1] - corrected.goal).max(axis=1)
+    assert (ends[corrected.reached] == 0.0).all() and corrected.reached[more == 0].all()
+
+
+def test_a_box_that_appears_leaves_room_where_the_arm_is_and_stands_on_its_way(demonstrations):
+    """Where the goal is blocked, it stands on it; else the goal stays as free as it was."""
+    one = jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), demonstrations)
+    keys = jax.random.split(jax.random.key(1), 40)
+    room = jnp.full(STEPS, 0.1)
+    walked = along(one.path, jnp.linspace(0.0, 1.0, STEPS))
+    scenes, q, placed = jax.vmap(lambda key: _interrupted(one, walked, room, key))(keys)
+    assert 0.3 < placed.mean() <= 1.0
+    slot = int(np.argmin(one.mask))
+    only = jax.tree.map(lambda leaf: leaf[:, slot : slot + 1], scenes.obstacles())
+
+    def nearest(q):
+        return jax.vmap(lambda q, box: gaps(q, box).obstacle.min())(q, only)[placed]
+
+    assert (nearest(q) > 0.019).all()
+    at_goal = nearest(jnp.broadcast_to(one.goal, (40, 7)))
+    assert ((at_goal < 0.0) | (at_goal > 0.019)).all() and 0.1 < (at_goal < 0.0).mean() < 0.7
+    way = jax.vmap(lambda box: jax.vmap(lambda q: gaps(q, box).obstacle.min())(walked).min())(only)
+    assert (way[placed] < 0.0).all()
 
 
 def test_corrections_begin_off_the_demonstrated_path(demonstrations, corrected):
