@@ -253,14 +253,14 @@ def test_pictures_are_small_and_show_the_contact(failed):
     found, path = failed
     drawn = pictures({"run.json": found}, path.parent, 9, False, pytest.fail)
     assert {id for _, _, id in drawn} == {r.id for r in found.rows}
-    for failed in found.rows:
-        kind, _, text = drawn["run.json", "FDO", failed.id].partition(",")
+    for one in found.rows:
+        kind, _, text = drawn["run.json", "FDO", one.id].partition(",")
         assert kind == "data:image/webp;base64" and len(text) < 12_000
         picture = Image.open(io.BytesIO(base64.b64decode(text)))
         assert picture.size == SIZE
         red, green, blue = np.asarray(picture.convert("RGB"), int).reshape(-1, 3).T
         painted = ((red - green > 100) & (red - blue > 100) & (green < 90)).sum()
-        assert (painted > 10) == row.collided, painted
+        assert (painted > 10) == one.collided, painted
         assert len(set(zip(red, green, blue, strict=True))) > 500
 
 
