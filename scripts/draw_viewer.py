@@ -19,7 +19,7 @@ from drpbench.problems import load
 from drpbench.viewer import Simulation
 from drpbench.viewer.page import Page
 
-BROWSER = Path(__file__).parents[1] / "tests" / "recording" / "browser.py"
+BROWSER = Path(__file__).parents[1] / "tests" / "browser.py"
 SIZE = (1200, 720)  # [pixels]
 ASIDE = 0.35  # [m] from which the box comes at the forearm
 
