@@ -5,7 +5,7 @@
 
 Problems are a random sample of the frozen task SE, or drawn anew from the training stream. Every path
 is judged by the same independent check, C MuJoCo's spheres along the whole of it
-(`drpbench.problems.certificate`). Both searches run on the host's processor, where JAX finds no other
+(`drpbench.generation.certificate`). Both searches run on the host's processor, where JAX finds no other
 device; a hint's own time is what the host's RRT-Connect takes to find and shorten it.
 """
 
@@ -20,15 +20,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import use_cache
-from drpbench.evaluation.statistics import wilson
+from drpbench.generation.certificate import certify
+from drpbench.generation.generator import CHECKER_MARGIN, PATH_CLEARANCE
 from drpbench.geometry import Primitives, quaternion_to_matrix
-from drpbench.learning.expert import CHEAP, THOROUGH, Settings, planner
-from drpbench.learning.retiming import step_lengths
+from drpbench.leaderboard import wilson
+from drpbench.planning.checker import Checker, sphere_checker
+from drpbench.planning.expert import CHEAP, THOROUGH, Settings, planner
+from drpbench.planning.retiming import step_lengths
+from drpbench.planning.rrt_connect import Planner
 from drpbench.problems import load
-from drpbench.problems.certificate import certify
-from drpbench.problems.checker import Checker, sphere_checker
-from drpbench.problems.generator import CHECKER_MARGIN, PATH_CLEARANCE
-from drpbench.problems.planner import Planner
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER
 
 WIDTH = 24  # obstacle slots
@@ -85,7 +85,7 @@ def frozen(count: int, seed: int) -> Sample:
 
 def drawn(count: int, seed: int) -> Sample:
     """`count` problems of the training stream whose goals are free."""
-    from drpbench.learning.drawing import Drawer
+    from drpbench.generation.training_problems import Drawer
 
     drawer, found, number = Drawer(), [], 1_000_000 * (seed + 1)
     while len(found) < count:

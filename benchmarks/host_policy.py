@@ -23,12 +23,14 @@ from pathlib import Path
 import jax
 
 from drpbench.compile import use_cache
-from drpbench.envs import CONTROL_STEPS, TASKS
-from drpbench.evaluation.errors import PolicyError
-from drpbench.evaluation.host_rollout import rollout_of
-from drpbench.evaluation.registry import choose
-from drpbench.evaluation.rollout import LANES, take
+from drpbench.contract import CONTROL_STEPS
+from drpbench.envs import TASKS
+from drpbench.plugins.errors import PolicyError
+from drpbench.plugins.registry import choose
 from drpbench.problems import load
+from drpbench.rollout import LANES
+from drpbench.rollout.batch import take
+from drpbench.rollout.host import rollout_of
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-from drpbench.policies.impact import ROBOT_POINTS, SCENE_POINTS, ImpactSize
+from drpbench.policies.networks.impact import ROBOT_POINTS, SCENE_POINTS, ImpactSize
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER
 
 MIDDLE = torch.tensor(0.5 * (JOINT_UPPER + JOINT_LOWER), dtype=torch.float32)

@@ -18,13 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.evaluation.run import device_name
-from drpbench.policies.impact import (
-    ROBOT_POINTS,
-    SCENE_POINTS,
-    SIZES,
-    apply,
-    initial,
-)
+from drpbench.policies.networks.impact import ROBOT_POINTS, SCENE_POINTS, SIZES, apply, initial
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER
 
 

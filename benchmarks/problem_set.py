@@ -16,9 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from drpbench.problems import PROBLEM_SET, TASKS, certificate, load, motion
-from drpbench.problems.checker import mesh_checker, sphere_checker
-from drpbench.problems.planner import Planner
+from drpbench.generation import certificate
+from drpbench.planning import motion
+from drpbench.planning.checker import mesh_checker, sphere_checker
+from drpbench.planning.rrt_connect import Planner
+from drpbench.problems import PROBLEM_SET, TASKS, load
 from drpbench.robot import NO_MESHES, find_mesh_model
 
 

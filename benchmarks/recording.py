@@ -17,14 +17,15 @@ import numpy as np
 import drpbench.recording.stage as stage_module
 from drpbench.compile import use_cache
 from drpbench.envs import TASKS
-from drpbench.evaluation import LANES, Header, Rollout
-from drpbench.evaluation.registry import choose
-from drpbench.evaluation.rollout import Trace, take
 from drpbench.evaluation.run import device_name, versions
+from drpbench.plugins.registry import choose
 from drpbench.problems import ProblemSet, load
 from drpbench.recording import Recorder, motion, traced
 from drpbench.recording.video import GRID_SIZE, SIZE
+from drpbench.results import Header
 from drpbench.robot import find_mesh_model
+from drpbench.rollout import LANES, Rollout
+from drpbench.rollout.batch import Trace, take
 
 RUNS = [("SE", "rmp"), ("FDO", "rmp"), ("FDO", "straight+dcp-rmp"), ("FDO", "drp")]
 

@@ -23,9 +23,9 @@ from drpbench.evaluation.referee import (
     judge,
     judge_episode,
 )
-from drpbench.evaluation.trajectories import load_trajectories
+from drpbench.planning.checker import sphere_checker
 from drpbench.problems import counts, load
-from drpbench.problems.checker import sphere_checker
+from drpbench.results.trajectories import load_trajectories
 
 
 class Quiet:

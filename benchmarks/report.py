@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from drpbench.evaluation import Request, run
-from drpbench.evaluation.leaderboard import load_dir
-from drpbench.evaluation.results import VERSIONED, Header, Result, Row, save
+from drpbench.leaderboard import load_dir
 from drpbench.problems import counts, load
-from drpbench.recording.report import write_report
-from drpbench.recording.report_pictures import pictures
+from drpbench.report.page import write_report
+from drpbench.report.pictures import pictures
+from drpbench.results import Header, Result, Row, save
+from drpbench.results.schema import VERSIONED
 from drpbench.robot import LINKS
 
 PERIOD = 1 / 60  # [s]

@@ -14,7 +14,7 @@ import numpy as np
 from world_loop import WorldLoop, batch_of, most_obstacles
 
 from drpbench.compile import use_cache
-from drpbench.envs import Problem
+from drpbench.contract import Problem
 from drpbench.evaluation.run import device_name
 from drpbench.problems import ProblemSet, load
 

@@ -17,7 +17,6 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from drpbench.evaluation.statistics import wilson
 from drpbench.geometry import (
     BOX,
     CYLINDER,
@@ -26,6 +25,7 @@ from drpbench.geometry import (
     quaternion_to_matrix,
     signed_distance,
 )
+from drpbench.leaderboard import wilson
 from drpbench.robot import (
     JOINT_LOWER,
     JOINT_UPPER,
@@ -35,8 +35,8 @@ from drpbench.robot import (
     link_poses,
     moving_spheres,
 )
+from drpbench.robot.arms.panda import FINGER_OPENING
 from drpbench.robot.link_meshes import load_link_meshes
-from drpbench.robot.panda import FINGER_OPENING
 from drpbench.robot.sphere_cover import link_spheres, measure_cover, pooled_mean_excess
 
 MM = 1e3

@@ -21,11 +21,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import use_cache
+from drpbench.generation.training_problems import Drawer
 from drpbench.learning.batches import draw
 from drpbench.learning.demonstrations import Demonstrations
-from drpbench.learning.drawing import Drawer
 from drpbench.learning.pretraining import Pretraining, Settings
-from drpbench.policies.impact import SIZES, apply
+from drpbench.policies.networks.impact import SIZES, apply
 from drpbench.robot import VELOCITY_LIMIT
 
 

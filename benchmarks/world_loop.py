@@ -7,9 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.envs import TASKS, Observation, Problem, State, World
-from drpbench.evaluation.rollout import instance_key, take
+from drpbench.contract import Observation, Problem
+from drpbench.envs import TASKS, State, World
 from drpbench.problems import ProblemSet
+from drpbench.rollout.batch import instance_key, take
 
 
 def most_obstacles(problems: ProblemSet, scenes: int) -> list[int]:

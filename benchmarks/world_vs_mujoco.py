@@ -19,7 +19,7 @@ from mujoco import rollout
 from world_loop import WorldLoop, batch_of, most_obstacles
 
 from drpbench.compile import use_cache
-from drpbench.envs import CONTROL_PERIOD
+from drpbench.contract import CONTROL_PERIOD
 from drpbench.evaluation.run import device_name
 from drpbench.problems import ProblemSet, load
 from drpbench.robot import LINKS, NO_MESHES, TORQUE_LIMIT, VELOCITY_LIMIT, find_mesh_model

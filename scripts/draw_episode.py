@@ -11,12 +11,12 @@ from PIL import Image
 
 from drpbench.compile import use_cache
 from drpbench.envs import TASKS
-from drpbench.evaluation import Rollout
-from drpbench.evaluation.registry import choose
-from drpbench.evaluation.rollout import take
+from drpbench.plugins.registry import choose
 from drpbench.problems import load
 from drpbench.recording import motion, traced
 from drpbench.recording.stage import Stage
+from drpbench.rollout import Rollout
+from drpbench.rollout.batch import take
 
 SIZE = (480, 400)  # [pixels] of one instant
 

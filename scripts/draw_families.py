@@ -21,8 +21,8 @@ import matplotlib.pyplot as plt
 import mujoco
 import numpy as np
 
+from drpbench.geometry import BOX, CYLINDER, SPHERE
 from drpbench.problems import load
-from drpbench.problems.scene import BOX, CYLINDER, SPHERE
 from drpbench.robot import LINKS, PANDA_XML
 
 GEOM_TYPE = {
@@ -51,7 +51,7 @@ PALETTE = plt.get_cmap("tab10").colors
 def arm(colour) -> mujoco.MjSpec:
     """The arm's collision spheres in one colour."""
     spec = mujoco.MjSpec.from_file(str(PANDA_XML))
-    by_link = json.loads((PANDA_XML.parent / "panda_spheres.json").read_text())
+    by_link = json.loads((PANDA_XML.parent / "spheres.json").read_text())
     for link in LINKS:
         for x, y, z, radius in by_link[link]:
             geom = spec.body(link).add_geom()

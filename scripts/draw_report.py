@@ -14,10 +14,10 @@ from pathlib import Path
 
 from PIL import Image
 
-from drpbench.evaluation.leaderboard import load_dir
-from drpbench.evaluation.shipped import shipped_results
+from drpbench.leaderboard import load_dir
 from drpbench.problems import counts
-from drpbench.recording.report import write_report
+from drpbench.report.page import write_report
+from drpbench.results.shipped import shipped_results
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 WIDTH, HEIGHT = 1200, 1240  # [pixels]

@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from drpbench.compile import use_cache
-from drpbench.evaluation.registry import choose
+from drpbench.plugins.registry import choose
 from drpbench.problems import load
 from drpbench.viewer import Simulation
 from drpbench.viewer.page import Page

@@ -3,7 +3,7 @@
     python scripts/fit_spheres.py [FOLDER]
 
 FOLDER holds panda_collision.xml or panda.xml and its assets; without it the meshes are looked for
-where `drpbench.robot.find_mesh_model` looks. Writes drpbench/robot/panda_spheres.json and panda_surface.json. Deterministic on one
+where `drpbench.robot.find_mesh_model` looks. Writes drpbench/robot/arms/panda/spheres.json and surface.json. Deterministic on one
 machine: every random draw is seeded.
 
 Three steps a link. A sphere centred at c may have radius E - sdf(c), where E is the excess the
@@ -29,7 +29,7 @@ from drpbench.robot import NO_MESHES, find_mesh_model
 from drpbench.robot.link_meshes import LinkMesh, load_link_meshes
 from drpbench.robot.sphere_cover import farthest_points, gap, largest_gap, measure_cover
 
-ROBOT = Path(__file__).resolve().parents[1] / "drpbench" / "robot"
+ROBOT = Path(__file__).resolve().parents[1] / "drpbench" / "robot" / "arms" / "panda"
 
 # Sphere count and the largest excess [mm] each link is fitted for: a hundred spheres in all, spent
 # where obstacles come. At 15 mm (arm) and 6 mm (hand, fingers) these are about the fewest that this
@@ -381,7 +381,7 @@ def main() -> int:
         return 2
     meshes = load_link_meshes(model)
 
-    path = ROBOT / "panda_spheres.json"
+    path = ROBOT / "spheres.json"
     old = json.loads(path.read_text()) if path.exists() else {}
     fitted = {}
     for name, (n, limit) in PLAN.items():
@@ -402,7 +402,7 @@ def main() -> int:
     moving = {name: mesh for name, mesh in meshes.items() if name != "link0"}
     surface = fit_surface(moving, SURFACE_POINTS)
     rows = {name: points.round(4).tolist() for name, points in surface.items()}
-    write_rows(ROBOT / "panda_surface.json", rows)
+    write_rows(ROBOT / "surface.json", rows)
     return 0
 
 

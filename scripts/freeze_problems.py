@@ -21,7 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drpbench.problems.composition import TASKS, group_of, size_of
+from drpbench.generation.composition import group_of, size_of
+from drpbench.problems import TASKS
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARD = 25  # problems in a shard
@@ -30,10 +31,11 @@ _generator = None  # one a process
 
 def fingerprint() -> str:
     """Digest of all that decides what is generated: the generator's source and the arm's model."""
-    robot = ROOT / "drpbench" / "robot"
-    problems = ROOT / "drpbench" / "problems"
-    paths = [robot / "panda.xml", robot / "panda_spheres.json", robot / "spheres.py"]
-    paths += sorted(p for p in problems.rglob("*.py") if p.stem not in ("frozen", "__init__"))
+    package = ROOT / "drpbench"
+    arm = package / "robot" / "arms" / "panda"
+    paths = [arm / "panda.xml", arm / "spheres.json", package / "robot" / "spheres.py"]
+    paths += sorted((package / "generation").rglob("*.py"))
+    paths += sorted((package / "planning").glob("*.py"))
     digest = hashlib.sha256()
     for path in paths:
         digest.update(path.read_bytes())
@@ -48,8 +50,8 @@ def make_shard(job: tuple[str, int, int, Path]) -> Path:
     if path.exists():
         return path
     if _generator is None:
-        from drpbench.problems.checker import mesh_checker, sphere_checker
-        from drpbench.problems.generator import CHECKER_MARGIN, Generator
+        from drpbench.generation.generator import CHECKER_MARGIN, Generator
+        from drpbench.planning.checker import mesh_checker, sphere_checker
         from drpbench.robot import NO_MESHES, find_mesh_model
 
         if (meshes := find_mesh_model()) is None:
@@ -103,7 +105,7 @@ def merge(paths: dict[str, list[Path]], name: str, out: Path, provisional: bool)
                 for g, count in groups.items()
             ],
         }
-    from drpbench.problems import generator
+    from drpbench.generation import generator
 
     out.mkdir(parents=True, exist_ok=True)
     data = out / f"{name}.npz"

@@ -1,13 +1,18 @@
 """Shapes and types are checked at run time in every test."""
 
+import numpy as np
 import pytest
 from jaxtyping import install_import_hook
 
 from .browser import ABSENT, CHROMIUM, Browser
+from .result_rows import header, result, row
 
 install_import_hook(
     [
         "drpbench.robot",
+        "drpbench.contract",
+        "drpbench.perception",
+        "drpbench.planning",
         "drpbench.geometry",
         "drpbench.envs",
         "drpbench.policies",
@@ -24,3 +29,73 @@ def browser(tmp_path_factory):
         pytest.skip(ABSENT)
     with Browser(tmp_path_factory.mktemp("chromium")) as opened:
         yield opened
+
+
+def _marked(policy="rmp", verdicts=None, **changes):
+    """verdicts: per task a string, one character an instance: + success, - not, x collided."""
+    verdicts = verdicts or {"FDO": "+-x"}
+    rows = [
+        row(task, id, reached=verdict == "+", collided=verdict == "x")
+        for task, marks in verdicts.items()
+        for id, verdict in enumerate(marks)
+    ]
+    return result(policy, rows, **changes)
+
+
+@pytest.fixture(scope="session")
+def make_header():
+    return header
+
+
+@pytest.fixture(scope="session")
+def make_row():
+    return row
+
+
+@pytest.fixture(scope="session")
+def make_result():
+    return _marked
+
+
+@pytest.fixture(scope="session")
+def spheres():
+    from drpbench.generation.generator import CHECKER_MARGIN
+    from drpbench.planning.checker import sphere_checker
+
+    return sphere_checker(CHECKER_MARGIN)
+
+
+@pytest.fixture(scope="session")
+def meshes():
+    from drpbench.generation.generator import CHECKER_MARGIN
+    from drpbench.planning.checker import mesh_checker
+    from drpbench.robot import NO_MESHES, find_mesh_model
+
+    if (model := find_mesh_model()) is None:
+        pytest.skip(NO_MESHES)
+    return mesh_checker(model, CHECKER_MARGIN)
+
+
+@pytest.fixture
+def obstacles():
+    """Arrays for a checker of the table and of (kind, half_size, position) triples."""
+
+    def make(*extra):
+        rows = [(0, (0.9, 1.0, 0.025), (0.4, 0.0, -0.025)), *extra]
+        return (
+            np.array([row[0] for row in rows], np.int32),
+            np.array([row[1] for row in rows], np.float32),
+            np.array([row[2] for row in rows], np.float32),
+            np.tile(np.array([1, 0, 0, 0], np.float32), (len(rows), 1)),
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def drawn():
+    """Two dozen problems to learn from, of a stream of their own."""
+    from drpbench.generation.training_problems import Drawer
+
+    drawer = Drawer("tests")
+    return [drawer.draw(number) for number in range(24)]

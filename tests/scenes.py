@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.envs import ROBOT_POINTS, SCENE_POINTS, Observation, Problem
+from drpbench.contract import ROBOT_POINTS, SCENE_POINTS, Observation, Problem
 from drpbench.geometry import BOX, Primitives, matrix_to_quaternion
 from drpbench.robot import (
     HOME,

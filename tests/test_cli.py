@@ -106,7 +106,7 @@ def test_nothing_is_overwritten(finished):
 
 
 def test_a_run_without_out_finds_a_name_of_its_own(tmp_path):
-    from drpbench.cli import default_out
+    from drpbench.cli.app import default_out
 
     here = os.getcwd()
     os.chdir(tmp_path)
@@ -147,7 +147,7 @@ def test_a_killed_run_resumes_to_the_same_rows(finished, tmp_path):
 
 
 def test_trajectories_lie_beside_the_result(finished):
-    from drpbench.evaluation.trajectories import load_trajectories
+    from drpbench.results.trajectories import load_trajectories
 
     folder, _ = finished
     found = load_trajectories(folder / "whole.npz")

@@ -6,8 +6,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from drpbench.envs import Observation
-from drpbench.policies import Policy
+from drpbench.contract import Observation, Policy
 from drpbench.robot import HOME
 
 ROOT = Path(__file__).parents[1]
@@ -41,10 +40,10 @@ def test_links_and_pictures_are_there():
 
 
 def test_the_scores_shown_are_those_of_the_shipped_rows():
-    from drpbench.evaluation import build, load_dir
-    from drpbench.evaluation.shipped import shipped_results
-    from drpbench.evaluation.tables import render_markdown
+    from drpbench.leaderboard import build, load_dir
+    from drpbench.leaderboard.tables import render_markdown
     from drpbench.problems import counts
+    from drpbench.results.shipped import shipped_results
 
     shown = render_markdown(build(load_dir(shipped_results()), counts()))
     first_table = shown.split("\n\n**")[0]

@@ -19,9 +19,9 @@ import pytest
 from typer.testing import CliRunner
 
 import drpbench.evaluation
-from drpbench.cli import app
-from drpbench.evaluation.host import HANDED, HostObservation, answered
-from drpbench.evaluation.registry import choose
+from drpbench.cli.app import app
+from drpbench.plugins.host import HANDED, HostObservation, answered
+from drpbench.plugins.registry import choose
 
 from .scenes import observation, postures
 

@@ -21,8 +21,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from drpbench.compile import stored
-from drpbench.envs import Observation
-from drpbench.policies import SERVO_LAG, Scalar, squared_distances
+from drpbench.contract import Observation, Scalar
+from drpbench.policies import SERVO_LAG, squared_distances
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, moving_spheres
 
 _UNSEEN = 1.0e3  # [m]

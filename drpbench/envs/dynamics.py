@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Array, Float
 
+from drpbench.contract import CONTROL_PERIOD
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, PANDA_XML
 
 with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
     from mujoco import mjx  # says on import that its optional Warp backend is not installed
 
-CONTROL_PERIOD = 1.0 / 60.0  # [s]
 SUBSTEPS = 2
 _STOP_STIFFNESS = 2000.0  # [N m/rad] of the mechanical stops at the joint limits
 

@@ -7,7 +7,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
+from drpbench.contract import CONTROL_PERIOD, Movers, Observation, Problem
 from drpbench.geometry import FAR, Primitives, concatenate
+from drpbench.perception.surface_cloud import (
+    Cloud,
+    robot_points,
+    sample_static,
+    scene_cloud,
+    shares,
+)
 from drpbench.robot import (
     JOINT_LOWER,
     JOINT_UPPER,
@@ -18,13 +26,9 @@ from drpbench.robot import (
     self_clearance,
 )
 
-from .cloud import Cloud, robot_points, sample_static, scene_cloud, shares
 from .contact import contact
-from .dynamics import CONTROL_PERIOD, SUBSTEPS, substep
-from .movers import Movers
-from .observation import Observation
-from .problem import Problem
-from .tasks import Arm, Task
+from .dynamics import SUBSTEPS, substep
+from .tasks.task import Arm, Task
 
 
 @jax.tree_util.register_dataclass

@@ -17,7 +17,7 @@ import numpy as np
 from drpbench.compile import jit
 from drpbench.envs import contact
 from drpbench.geometry import SHAPES, Primitives
-from drpbench.policies.set_abstraction import check_neighbourhoods
+from drpbench.policies.networks.set_abstraction import check_neighbourhoods
 from drpbench.problems import ProblemSetError, counts, load
 from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER, LINKS, link_poses, moving_spheres
 

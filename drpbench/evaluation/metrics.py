@@ -4,16 +4,17 @@ import math
 
 import numpy as np
 
-from drpbench.envs import CONTROL_PERIOD
+from drpbench.contract import (
+    CONTROL_PERIOD,
+    REACH_ORIENTATION,
+    REACH_POSITION,
+    REACH_POSITION_LOOSE,
+)
 from drpbench.geometry import FAR
+from drpbench.results import Row
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, LINKS, moving_spheres
+from drpbench.rollout.batch import Trace
 
-from .results import Row
-from .rollout import Trace
-
-REACH_POSITION = 0.01  # [m]
-REACH_POSITION_LOOSE = 0.05  # [m] the reference evaluator's
-REACH_ORIENTATION = math.radians(15.0)
 LIMIT_TOLERANCE = 1e-3  # [rad]
 
 

@@ -17,15 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drpbench.envs import CONTROL_PERIOD
+from drpbench.contract import CONTROL_PERIOD
+from drpbench.leaderboard import wilson
 from drpbench.problems import ProblemSet
+from drpbench.results import Result, Row
 from drpbench.robot import NO_MESHES, find_mesh_model
 
-from .results import Result, Row
-from .statistics import wilson
-
 if TYPE_CHECKING:
-    from drpbench.problems.checker import Checker
+    from drpbench.planning.checker import Checker
 
 MARGIN = 0.03  # [m] the largest clearance that is told apart
 COVER_TOLERANCE = 0.003  # [m] what the spheres may leave of a mesh's surface uncovered
@@ -189,7 +188,7 @@ def judgements(
 
 def mesh_referee() -> Checker:
     """MuJoCo with the real meshes. RefereeError where they are not found."""
-    from drpbench.problems.checker import Checker
+    from drpbench.planning.checker import Checker
     from drpbench.robot.mesh_arm import mesh_arm
 
     model: Path | None = find_mesh_model()

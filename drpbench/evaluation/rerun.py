@@ -4,9 +4,11 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from .errors import PolicyError
-from .registry import choose
-from .results import Header, Result, ResultsError, Scalar
+from drpbench.plugins.errors import PolicyError
+from drpbench.plugins.registry import choose
+from drpbench.results import Header, Result, ResultsError
+from drpbench.results.schema import Scalar
+
 from .run import KEPT, Progress, Request, Watch, run
 
 _HOST = "host."  # what a header says of a policy outside jit, besides its own parameters

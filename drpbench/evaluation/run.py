@@ -12,18 +12,19 @@ from typing import Protocol
 import jax
 
 from drpbench import __version__
-from drpbench.envs import CONTROL_STEPS, TASKS
+from drpbench.contract import CONTROL_STEPS
+from drpbench.envs import TASKS
+from drpbench.plugins.errors import PolicyError
+from drpbench.plugins.host import TIME_LIMIT
+from drpbench.plugins.registry import choose
 from drpbench.problems import load
+from drpbench.results import Header, Journal, Result, Row
+from drpbench.results.trajectories import Trajectories
+from drpbench.rollout import LANES
+from drpbench.rollout.batch import Trace, take
+from drpbench.rollout.host import rollout_of
 
-from .errors import PolicyError
-from .host import TIME_LIMIT
-from .host_rollout import rollout_of
-from .journal import Journal
 from .metrics import rows as rows_of
-from .registry import choose
-from .results import Header, Result, Row
-from .rollout import LANES, Trace, take
-from .trajectories import Trajectories
 
 
 class Progress(Protocol):

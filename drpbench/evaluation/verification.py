@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drpbench.leaderboard.submission import check
+from drpbench.results import Header, Result, ResultsError, Row
+from drpbench.results.schema import Scalar
+
 from .rerun import rerun
-from .results import Header, Result, ResultsError, Row, Scalar
 from .run import Progress
-from .submission import check
 
 VERDICT = ("success", "reached", "collided", "valid")
 """The fields of a row that the leaderboard counts."""

@@ -6,6 +6,7 @@ from .distance import normal as normal
 from .distance import signed_distance as signed_distance
 from .primitives import BOX as BOX
 from .primitives import CYLINDER as CYLINDER
+from .primitives import MAX_OBSTACLES as MAX_OBSTACLES
 from .primitives import SHAPES as SHAPES
 from .primitives import SPHERE as SPHERE
 from .primitives import Primitives as Primitives

@@ -9,6 +9,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 BOX, CYLINDER, SPHERE = 0, 1, 2
 SHAPES = ("box", "cylinder", "sphere")
+MAX_OBSTACLES = 24
+"""A scene's obstacles, at most."""
 
 
 @jax.tree_util.register_dataclass

@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from drpbench.compile import jit
-from drpbench.envs import CONTROL_STEPS, Observation, Problem, State, Task, World
-from drpbench.evaluation.metrics import REACH_ORIENTATION, REACH_POSITION
-from drpbench.evaluation.rollout import instance_key, record
+from drpbench.contract import CONTROL_STEPS, REACH_ORIENTATION, REACH_POSITION, Observation, Problem
+from drpbench.envs import State, Task, World
+from drpbench.rollout.batch import instance_key, record
 
 
 @jax.tree_util.register_dataclass

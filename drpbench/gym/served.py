@@ -8,18 +8,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from drpbench.envs import Problem, Task
-from drpbench.evaluation.rollout import take
+from drpbench.contract import Problem
+from drpbench.envs import Task
 from drpbench.geometry import Primitives, matrix_to_quaternion, quaternion_to_matrix
 from drpbench.problems import load
 from drpbench.robot import grip_pose, link_poses
+from drpbench.rollout.batch import take
 
 
 class Problems(Protocol):
     """Numbered problems of one task."""
 
     stream: int
-    """The random stream of their worlds, see `drpbench.evaluation.rollout.instance_key`."""
+    """The random stream of their worlds, see `drpbench.rollout.batch.instance_key`."""
 
     def require(self, ids: Sequence[int]) -> None:
         """Raises ValueError for a number that there is not."""
@@ -79,7 +80,7 @@ class Training:
 
     def __init__(self, task: Task):
         # What draws problems is heavy to import, and of no use to who asks for the frozen ones.
-        from drpbench.learning.drawing import TRAINING_STREAM, Drawer
+        from drpbench.generation.training_problems import TRAINING_STREAM, Drawer
 
         self._task, self._drawer = task, Drawer(TRAINING_STREAM)
 
@@ -95,7 +96,7 @@ class Training:
         pass
 
     def take(self, ids: Sequence[int]) -> Problem:
-        from drpbench.learning.drawing import FAMILY_NAMES
+        from drpbench.generation.training_problems import FAMILY_NAMES
 
         drawn = [self._unobstructed(id) for id in ids]
         stacked = {

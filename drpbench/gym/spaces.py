@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 from gymnasium.spaces import Box, Dict, Space
 
-from drpbench.envs import ROBOT_POINTS, SCENE_POINTS, Observation
+from drpbench.contract import ROBOT_POINTS, SCENE_POINTS, Observation
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER
 
 # Wide enough to hold all that happens; they are no scales to normalise by.

@@ -9,7 +9,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from jaxtyping import Array, Num
 
-from drpbench.envs import CONTROL_PERIOD, CONTROL_STEPS, TASKS
+from drpbench.contract import CONTROL_PERIOD, CONTROL_STEPS
+from drpbench.envs import TASKS
 
 from .lanes import Lanes, Verdict
 from .served import SOURCES

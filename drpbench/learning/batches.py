@@ -21,10 +21,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from drpbench.envs import CONTROL_PERIOD
-from drpbench.envs.cloud import robot_points
+from drpbench.contract import CONTROL_PERIOD
 from drpbench.geometry import Primitives, sample_surface
-from drpbench.policies.chunks import CHUNK, RAMP, SPEED, encode
+from drpbench.perception.surface_cloud import robot_points
+from drpbench.policies.networks.chunks import CHUNK, RAMP, SPEED, encode
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses
 
 from .demonstrations import Demonstrations

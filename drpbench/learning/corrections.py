@@ -20,18 +20,17 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from drpbench.compile import jit
-from drpbench.envs import Observation
-from drpbench.envs.cloud import robot_points
+from drpbench.contract import Observation, Policy
 from drpbench.envs.movers import clearance_of_box
 from drpbench.geometry import BOX, Primitives, matrix_to_quaternion, quaternion_to_matrix
-from drpbench.policies import Policy
-from drpbench.policies.impact import SCENE_POINTS
+from drpbench.perception.surface_cloud import robot_points
+from drpbench.planning.clearance_cost import gaps
+from drpbench.planning.expert import CHEAP, planner
+from drpbench.policies.networks.impact import SCENE_POINTS
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, grip_pose, link_poses, moving_spheres
 
 from .batches import cloud
-from .clearance_cost import gaps
 from .demonstrations import Demonstrations, Shards, join
-from .expert import CHEAP, planner
 from .production import SHARD, batch_size
 
 STEPS = 100  # targets of an episode: five seconds, if the arm is three control steps behind

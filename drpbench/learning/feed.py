@@ -14,8 +14,9 @@ from typing import Protocol, runtime_checkable
 import jax
 import numpy as np
 
+from drpbench.generation.training_problems import TRAINING_STREAM
+
 from .demonstrations import DataError, Demonstrations, join, read, read_manifest
-from .drawing import TRAINING_STREAM
 from .production import SHARD, Production
 
 _BLOCK = 256  # demonstrations that replace older ones at once

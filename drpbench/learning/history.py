@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drpbench.evaluation.statistics import wilson
+from drpbench.leaderboard import wilson
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Behaviour cloning: IMPACT learns the expert's next moves from demonstrations.
 
-The paper's loss over a chunk of S rows, on rows in the units of `drpbench.policies.chunks`:
+The paper's loss over a chunk of S rows, on rows in the units of `drpbench.policies.networks.chunks`:
 
     L = 1/S sum_k |chunk_k - answer_k|
 
@@ -21,7 +21,7 @@ import optax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float, Int
 
-from drpbench.policies.impact import ImpactSize, apply, initial
+from drpbench.policies.networks.impact import ImpactSize, apply, initial
 
 from .batches import Batch, draw
 from .demonstrations import Demonstrations

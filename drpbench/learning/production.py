@@ -12,11 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from drpbench.generation.training_problems import TRAINING_STREAM, Drawer, Drawn
 from drpbench.geometry import Primitives, quaternion_to_matrix
+from drpbench.planning.expert import CHEAP, planner
 
 from .demonstrations import Demonstrations, Shards, join
-from .drawing import TRAINING_STREAM, Drawer, Drawn
-from .expert import CHEAP, planner
 
 SHARD = 1024  # problem numbers in a shard
 _drawer: Drawer | None = None  # one a process

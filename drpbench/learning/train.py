@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from drpbench.evaluation.run import device_name
-from drpbench.policies.impact import SIZES
-from drpbench.policies.impact_policy import Impact
+from drpbench.policies.networks.impact import SIZES
+from drpbench.policies.networks.impact_policy import Impact
 from drpbench.policies.weights import save
 
 from .checkpoints import Checkpoints

@@ -9,14 +9,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from drpbench.envs import TASKS, Problem
-from drpbench.evaluation import LANES, Rollout
+from drpbench.contract import Policy, Problem
+from drpbench.envs import TASKS
 from drpbench.evaluation.metrics import rows
+from drpbench.generation.training_problems import VALIDATION_STREAM, Drawer, Drawn
 from drpbench.geometry import Primitives, matrix_to_quaternion, quaternion_to_matrix
-from drpbench.policies import Policy
 from drpbench.robot import grip_pose, link_poses
-
-from .drawing import VALIDATION_STREAM, Drawer, Drawn
+from drpbench.rollout import LANES, Rollout
 
 
 @dataclass(frozen=True)

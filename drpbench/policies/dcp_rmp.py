@@ -31,7 +31,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from drpbench.compile import stored
-from drpbench.envs import CONTROL_PERIOD, Observation
+from drpbench.contract import CONTROL_PERIOD, Observation, Scalar
 from drpbench.geometry import matrix_to_quaternion
 from drpbench.robot import (
     JOINT_LOWER,
@@ -43,7 +43,6 @@ from drpbench.robot import (
 )
 
 from .dynamic_points import is_dynamic, near_arm, squared_distances, velocity
-from .policy import Scalar
 
 _STILL = 5e-4  # [m] a point that moved less since the last frame is static
 _APPEARED = 0.02  # [m] a point that would have moved more has just appeared

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 
+from drpbench.contract import Scalar
 from drpbench.robot import VELOCITY_LIMIT
-
-from .policy import Scalar
 
 SERVO_LAG = 0.05  # [s] kd / kp: a target this far ahead of the arm makes it move at the speed meant
 

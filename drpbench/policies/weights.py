@@ -19,8 +19,8 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as serialised
 
-from .impact import ImpactSize, shapes
-from .impact_policy import Impact
+from .networks.impact import ImpactSize, shapes
+from .networks.impact_policy import Impact
 
 FOLDER = Path(__file__).parent / "weights"
 FORMAT = "drpbench-impact-1"

@@ -1,7 +1,7 @@
-"""The problems: frozen numbered sets. What made them is in `generator`, imported on demand."""
+"""The problems: frozen numbered sets. What made them is in `drpbench.generation`."""
 
-from .composition import TASKS as TASKS
 from .frozen import PROBLEM_SET as PROBLEM_SET
+from .frozen import TASKS as TASKS
 from .frozen import ProblemSet as ProblemSet
 from .frozen import ProblemSetError as ProblemSetError
 from .frozen import counts as counts

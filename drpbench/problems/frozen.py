@@ -15,10 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from drpbench.problems.composition import TASKS
-
 DATA = Path(__file__).parent / "data"
 PROBLEM_SET = "drpbench-v1"
+TASKS = ("SE", "SAO", "FDO", "GB", "DGB")
 _SHAPES = ("box", "cylinder", "sphere")
 
 

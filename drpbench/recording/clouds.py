@@ -6,8 +6,8 @@ import jax
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.envs import Movers
-from drpbench.envs.cloud import Cloud, robot_points, scene_cloud
+from drpbench.contract import Movers
+from drpbench.perception.surface_cloud import Cloud, robot_points, scene_cloud
 from drpbench.robot import link_poses
 
 from .episode import Episode

@@ -10,9 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.envs import TASKS, Movers, Problem, State, World
-from drpbench.evaluation.rollout import Trace, instance_key, take
+from drpbench.contract import Movers, Problem
+from drpbench.envs import TASKS, State, World
 from drpbench.problems import ProblemSet
+from drpbench.rollout.batch import Trace, instance_key, take
 
 Instant = TypeVar("Instant", int, np.ndarray)
 

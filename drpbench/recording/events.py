@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drpbench.evaluation.metrics import REACH_ORIENTATION, REACH_POSITION
+from drpbench.contract import REACH_ORIENTATION, REACH_POSITION
 from drpbench.robot import LINKS
 
 from .episode import Episode

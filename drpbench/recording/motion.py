@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.envs import CONTROL_PERIOD, Movers, Problem
+from drpbench.contract import CONTROL_PERIOD, Movers, Problem
 from drpbench.geometry import (
     Primitives,
     concatenate,

@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.envs import Movers, Observation, State
-from drpbench.envs.cloud import robot_points, scene_cloud
+from drpbench.contract import Movers, Observation
+from drpbench.envs import State
 from drpbench.geometry import signed_distance
+from drpbench.perception.surface_cloud import robot_points, scene_cloud
 from drpbench.policies import DcpRmp, Reaction
 from drpbench.policies.dcp_rmp import Carry, Constants
 from drpbench.robot import link_poses, moving_spheres

@@ -6,10 +6,10 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Self
 
-from drpbench.evaluation import Header, Result
-from drpbench.evaluation import load as load_result
-from drpbench.evaluation.rollout import Trace
 from drpbench.problems import load
+from drpbench.results import Header, Result
+from drpbench.results import load as load_result
+from drpbench.rollout.batch import Trace
 
 from .episode import Episode, episode_name, traced
 from .mcap_file import TEMPORARY, write_mcap

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from drpbench.evaluation import LANES, Header, Result, Row
 from drpbench.evaluation.rerun import rerun
-from drpbench.evaluation.rollout import Trace
 from drpbench.evaluation.run import device_name, versions
-from drpbench.evaluation.submission import check
-from drpbench.evaluation.trajectories import load_trajectories
+from drpbench.leaderboard.submission import check
 from drpbench.problems import load as load_problems
+from drpbench.results import Header, Result, Row
+from drpbench.results.trajectories import load_trajectories
+from drpbench.rollout import LANES
+from drpbench.rollout.batch import Trace
 
 from .episode import Episode, RecordingError, episode, traced
 from .motion import Motion, motion

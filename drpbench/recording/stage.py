@@ -6,10 +6,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from drpbench.envs import CONTROL_PERIOD
+from drpbench.contract import CONTROL_PERIOD
 from drpbench.geometry import BOX, CYLINDER, SHAPES, SPHERE
 from drpbench.robot import LINKS, PANDA_XML, find_mesh_model
-from drpbench.robot.panda import FINGER_OPENING
+from drpbench.robot.arms.panda import FINGER_OPENING
 
 from .episode import Episode
 from .figure import GREY, WHITE, arm_figure

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drpbench.envs import CONTROL_PERIOD
+from drpbench.contract import CONTROL_PERIOD
 
 from .episode import Episode, RecordingError
 from .events import at_goal

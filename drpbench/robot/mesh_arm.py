@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .panda import FINGER_HEIGHT, FINGER_OPENING
+from .arms.panda import FINGER_HEIGHT, FINGER_OPENING
 
 if TYPE_CHECKING:
     import mujoco

@@ -29,7 +29,9 @@ class CoverFigures:
 
 def link_spheres(link: str) -> np.ndarray:
     """The shipped spheres (K, 4) of a link: centre in its own frame and radius [m]."""
-    return np.array(json.loads((Path(__file__).parent / "panda_spheres.json").read_text())[link])
+    return np.array(
+        json.loads((Path(__file__).parent / "arms" / "panda" / "spheres.json").read_text())[link]
+    )
 
 
 def gap(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:

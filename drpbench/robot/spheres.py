@@ -15,8 +15,8 @@ from jaxtyping import Array, Float, Int
 
 from drpbench.compile import stored
 
+from .arms.panda import FINGER_HEIGHT, FINGER_OPENING, LINKS
 from .kinematics import LinkPoses
-from .panda import FINGER_HEIGHT, FINGER_OPENING, LINKS
 
 # Links that can touch, as frames: every one of the first group against every one of the second.
 # Over random configurations no other pair that is at least two links apart ever does, neither the
@@ -84,7 +84,7 @@ def _in_frame(link: str, points: np.ndarray) -> np.ndarray:
 
 
 def _read(name: str) -> BodyPoints:
-    """Points by link from one of this folder's JSON files."""
+    """Points by link from one of the arm's JSON files."""
     by_link = json.loads((Path(__file__).parent / name).read_text())
     frame, link, local, radius = [], [], [], []
     for index, link_name in enumerate(LINKS):
@@ -104,7 +104,7 @@ def _read(name: str) -> BodyPoints:
 @cache
 def spheres() -> BodyPoints:
     """All collision spheres of the arm, link0 included."""
-    return _read("panda_spheres.json")
+    return _read("arms/panda/spheres.json")
 
 
 @cache
@@ -117,7 +117,7 @@ def moving_spheres() -> BodyPoints:
 def surface_points(count: int | None = None) -> BodyPoints:
     """Points on the outer surface of the real meshes, link1 to the fingers; `count` of them, evenly
     chosen, or all."""
-    points = _read("panda_surface.json")
+    points = _read("arms/panda/surface.json")
     if count is None:
         return points
     return points.part(np.linspace(0, points.count - 1, count).round().astype(int))

@@ -7,9 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.envs import Problem, State
-from drpbench.envs.cloud import on_box
+from drpbench.contract import Problem
+from drpbench.envs import State
 from drpbench.geometry import BOX, Primitives, sample_surface
+from drpbench.perception.surface_cloud import on_box
 
 SPARE = 3
 """Boxes that can be added to a scene; the compiled world has room for so many."""

@@ -7,9 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from drpbench.contract import REACH_ORIENTATION, REACH_POSITION, Policy
 from drpbench.envs import State, World
-from drpbench.envs.cloud import shares
-from drpbench.evaluation.metrics import REACH_ORIENTATION, REACH_POSITION
 from drpbench.geometry import (
     matrix_to_quaternion,
     nearest,
@@ -18,7 +17,8 @@ from drpbench.geometry import (
     rotation_angle,
     signed_distance,
 )
-from drpbench.policies import DcpRmp, Policy, Reaction
+from drpbench.perception.surface_cloud import shares
+from drpbench.policies import DcpRmp, Reaction
 from drpbench.robot import grip_pose, link_poses, moving_spheres
 
 Frames = tuple[np.ndarray, np.ndarray]

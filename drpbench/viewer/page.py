@@ -11,8 +11,8 @@ from typing import Any
 import rich
 import viser
 
-from drpbench.envs import CONTROL_PERIOD, CONTROL_STEPS
-from drpbench.refused import Refused
+from drpbench.contract import CONTROL_PERIOD, CONTROL_STEPS
+from drpbench.errors import Refused
 
 from .drawing import Drawing
 from .panel import Panel

@@ -5,7 +5,7 @@ from html import escape
 import numpy as np
 import viser
 
-from drpbench.envs import CONTROL_PERIOD, CONTROL_STEPS
+from drpbench.contract import CONTROL_PERIOD, CONTROL_STEPS
 from drpbench.robot import LINKS
 
 from .moment import Moment

@@ -14,14 +14,20 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.envs import CONTROL_PERIOD, CONTROL_STEPS, TASKS, State, World
-from drpbench.evaluation.host import Failed, Hosted
-from drpbench.evaluation.metrics import REACH_ORIENTATION, REACH_POSITION
-from drpbench.evaluation.rollout import instance_key, record, take
-from drpbench.learning.pose_goals import nearest_goal
-from drpbench.policies import DcpRmp, Policy
+from drpbench.contract import (
+    CONTROL_PERIOD,
+    CONTROL_STEPS,
+    REACH_ORIENTATION,
+    REACH_POSITION,
+    Policy,
+)
+from drpbench.envs import TASKS, State, World
+from drpbench.planning.pose_goals import nearest_goal
+from drpbench.plugins.host import Failed, Hosted
+from drpbench.policies import DcpRmp
 from drpbench.problems import ProblemSet
 from drpbench.robot import LINKS, moving_spheres
+from drpbench.rollout.batch import instance_key, record, take
 
 from .furniture import Furniture, with_room
 from .moment import Moment, moment

@@ -9,8 +9,9 @@ import pytest
 
 from drpbench.baselines import Rmp
 from drpbench.compile import jit
+from drpbench.contract import Policy
 from drpbench.envs import TASKS, World
-from drpbench.policies import SERVO_LAG, Policy
+from drpbench.policies import SERVO_LAG
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, moving_spheres
 
 from ..scenes import batch, bodies, observation, postures, problem

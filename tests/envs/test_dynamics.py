@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.envs.dynamics import CONTROL_PERIOD, SUBSTEPS, substep
-from drpbench.robot import (
-    JOINT_LOWER,
-    JOINT_UPPER,
-    PANDA_XML,
-    TORQUE_LIMIT,
-    VELOCITY_LIMIT,
-)
+from drpbench.contract import CONTROL_PERIOD
+from drpbench.envs.dynamics import SUBSTEPS, substep
+from drpbench.robot import JOINT_LOWER, JOINT_UPPER, PANDA_XML, TORQUE_LIMIT, VELOCITY_LIMIT
 
 EPISODES, STEPS = 16, 200
 STOP_STIFFNESS = 2000.0  # [N m/rad] docs/protocol.md

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.envs import Movers
+from drpbench.contract import Movers, no_movers
 from drpbench.envs.movers import (
     clearance_of_box,
     drift,
     first_clear,
     in_upper_shell,
-    no_movers,
     random_heading,
     random_rotation,
 )

@@ -8,16 +8,11 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.envs import CONTROL_PERIOD, ROBOT_POINTS, SCENE_POINTS, TASKS, World
-from drpbench.envs.cloud import robot_points
+from drpbench.contract import CONTROL_PERIOD, ROBOT_POINTS, SCENE_POINTS
+from drpbench.envs import TASKS, World
 from drpbench.geometry import signed_distance
-from drpbench.robot import (
-    JOINT_LOWER,
-    JOINT_UPPER,
-    VELOCITY_LIMIT,
-    link_poses,
-    moving_spheres,
-)
+from drpbench.perception.surface_cloud import robot_points
+from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, moving_spheres
 
 from ..scenes import batch, bodies, boxes, postures, problem
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drpbench.envs import CONTROL_PERIOD
+from drpbench.contract import CONTROL_PERIOD
 from drpbench.evaluation.metrics import rows, sparc
-from drpbench.evaluation.results import Row
-from drpbench.evaluation.rollout import Trace
 from drpbench.geometry import FAR
+from drpbench.results import Row
 from drpbench.robot import HOME, JOINT_UPPER, LINKS, moving_spheres
+from drpbench.rollout.batch import Trace
 
 STEPS = 100
 FINGER = int(np.argmax(moving_spheres().link == LINKS.index("left_finger")))

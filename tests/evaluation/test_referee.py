@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from drpbench.envs import CONTROL_PERIOD
+from drpbench.contract import CONTROL_PERIOD
 from drpbench.evaluation import referee
 from drpbench.evaluation.referee import Judgement, RefereeError, agreement, judge, judge_episode
 from drpbench.problems import ProblemSet, load

@@ -4,14 +4,14 @@ import sys
 
 import pytest
 
-from drpbench import cli
+from drpbench.cli import app as cli
 from drpbench.evaluation import rerun
-from drpbench.evaluation.errors import PolicyError
-from drpbench.evaluation.leaderboard import load_dir
-from drpbench.evaluation.results import Header, Result, ResultsError, Row, save
 from drpbench.evaluation.run import KEPT
-from drpbench.evaluation.shipped import shipped_results
 from drpbench.evaluation.verification import sample, verify
+from drpbench.leaderboard import load_dir
+from drpbench.plugins.errors import PolicyError
+from drpbench.results import Header, Result, ResultsError, Row, save
+from drpbench.results.shipped import shipped_results
 
 
 class Silent:

@@ -5,12 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from drpbench.geometry import (
-    Primitives,
-    concatenate,
-    matrix_to_quaternion,
-    quaternion_to_matrix,
-)
+from drpbench.geometry import Primitives, concatenate, matrix_to_quaternion, quaternion_to_matrix
 
 
 def stack(*batch, first=0.0):

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from drpbench.envs import TASKS
-from drpbench.evaluation.rollout import instance_key
 from drpbench.geometry import signed_distance
 from drpbench.gym.served import Frozen, Training
 from drpbench.problems import load
 from drpbench.robot import grip_pose, link_poses, moving_spheres
+from drpbench.rollout.batch import instance_key
 
 # Numbers 1 and 10 have a box on their goal, so that 2 and 11 stand for them; 25 is on the bare table.
 IDS = [*range(11), 25]

@@ -8,11 +8,11 @@ from gymnasium.utils import env_checker
 from gymnasium.vector import AutoresetMode
 
 import drpbench.gym  # noqa: F401 - registers the environments
-from drpbench.envs import CONTROL_STEPS, Observation
-from drpbench.evaluation.registry import choose
-from drpbench.evaluation.results import load
-from drpbench.evaluation.shipped import shipped_results
+from drpbench.contract import CONTROL_STEPS, Observation
+from drpbench.plugins.registry import choose
 from drpbench.problems import load as load_problems
+from drpbench.results import load
+from drpbench.results.shipped import shipped_results
 from drpbench.robot import HOME
 
 from .snippets import snippet

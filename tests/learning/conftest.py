@@ -7,7 +7,6 @@ import pytest
 from jax.experimental.compilation_cache import compilation_cache
 
 from drpbench.learning.demonstrations import Demonstrations
-from drpbench.learning.drawing import Drawer
 from drpbench.robot import VELOCITY_LIMIT
 
 
@@ -21,12 +20,6 @@ def programs_are_compiled_once(tmp_path_factory):
     yield
     jax.config.update("jax_compilation_cache_dir", before)
     compilation_cache.reset_cache()
-
-
-@pytest.fixture(scope="session")
-def drawn():
-    drawer = Drawer("tests")
-    return [drawer.draw(number) for number in range(24)]
 
 
 @pytest.fixture(scope="session")

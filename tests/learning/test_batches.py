@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drpbench.envs import CONTROL_PERIOD
+from drpbench.contract import CONTROL_PERIOD
 from drpbench.geometry import signed_distance
 from drpbench.learning import batches
-from drpbench.policies.chunks import CHUNK, SPEED, decode
+from drpbench.policies.networks.chunks import CHUNK, SPEED, decode
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, surface_points
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from drpbench.learning import corrections
 from drpbench.learning.batches import along
-from drpbench.learning.clearance_cost import gaps
 from drpbench.learning.corrections import (
     STEPS,
     _hint,
@@ -17,8 +16,9 @@ from drpbench.learning.corrections import (
     fill_corrections,
 )
 from drpbench.learning.demonstrations import Shards, read
-from drpbench.learning.path_check import check_path
-from drpbench.policies.floors import Straight
+from drpbench.planning.clearance_cost import gaps
+from drpbench.planning.path_check import check_path
+from drpbench.policies import Straight
 
 
 def walk(touch=None, arrive=None):

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from drpbench.evaluation import Request, run
+from drpbench.generation.training_problems import Drawer
 from drpbench.learning import train as training
-from drpbench.learning.drawing import Drawer
 from drpbench.learning.pretraining import Settings
 from drpbench.learning.production import batch_size, solve
 from drpbench.learning.validation import problems
-from drpbench.policies.impact import SIZES, ImpactSize
+from drpbench.policies.networks.impact import SIZES, ImpactSize
 from drpbench.problems import ProblemSet
 
 from .test_pretraining import Fixed

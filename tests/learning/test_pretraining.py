@@ -14,7 +14,7 @@ from drpbench.learning import train as training
 from drpbench.learning.checkpoints import CheckpointError
 from drpbench.learning.history import History
 from drpbench.learning.pretraining import Pretraining, Settings
-from drpbench.policies.impact import SIZES, ImpactSize
+from drpbench.policies.networks.impact import SIZES, ImpactSize
 from drpbench.policies.weights import card
 
 TINY = ImpactSize(

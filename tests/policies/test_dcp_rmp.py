@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from drpbench.compile import jit
-from drpbench.policies import DcpRmp, Hold, Policy, Straight
+from drpbench.contract import Policy
+from drpbench.policies import DcpRmp, Hold, Straight
 from drpbench.policies.dcp_rmp import Constants, integrate
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, moving_spheres
 

@@ -6,13 +6,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from drpbench.compile import jit
-from drpbench.policies.dynamic_points import (
-    NEAR_POINTS,
-    is_dynamic,
-    near_arm,
-    squared_distances,
-    velocity,
-)
+from drpbench.policies import squared_distances
+from drpbench.policies.dynamic_points import NEAR_POINTS, is_dynamic, near_arm, velocity
 
 STILL = 5e-4
 CLOUD = 2048

@@ -11,11 +11,12 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 from drpbench.compile import jit
-from drpbench.evaluation.registry import parameters as header_parameters
-from drpbench.policies import Policy, weights
-from drpbench.policies.chunks import commanded
-from drpbench.policies.impact import ImpactSize, apply, initial
-from drpbench.policies.impact_policy import Impact
+from drpbench.contract import Policy
+from drpbench.plugins.registry import parameters as header_parameters
+from drpbench.policies import weights
+from drpbench.policies.networks.chunks import commanded
+from drpbench.policies.networks.impact import ImpactSize, apply, initial
+from drpbench.policies.networks.impact_policy import Impact
 from drpbench.policies.weights import FACTS, WeightsError, load, save
 
 from ..scenes import observation, postures

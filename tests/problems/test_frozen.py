@@ -8,17 +8,10 @@ import sys
 import numpy as np
 import pytest
 
-from drpbench.problems import (
-    PROBLEM_SET,
-    TASKS,
-    ProblemSetError,
-    certificate,
-    counts,
-    frozen,
-    load,
-    rotation,
-)
-from drpbench.problems.composition import COMPOSITION, group_of
+from drpbench.generation import certificate
+from drpbench.generation.composition import COMPOSITION, group_of
+from drpbench.geometry import host_rotation as rotation
+from drpbench.problems import PROBLEM_SET, TASKS, ProblemSetError, counts, frozen, load
 
 COUNTS = {"SE": 3200, "SAO": 300, "FDO": 200, "GB": 200, "DGB": 400}
 
@@ -94,7 +87,7 @@ def test_witnesses_of_a_sample_hold_by_spheres_and_by_meshes(task, spheres, mesh
 
 
 def test_the_straight_line_fails_most_static_problems_but_not_all(spheres):
-    from drpbench.problems.planner import Planner
+    from drpbench.planning.rrt_connect import Planner
 
     problems, free = load("SE"), []
     for index in range(160):

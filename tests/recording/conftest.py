@@ -6,14 +6,15 @@ import pytest
 
 from drpbench.envs import TASKS
 from drpbench.evaluation.metrics import rows
-from drpbench.evaluation.registry import parameters
-from drpbench.evaluation.results import Header, Result
-from drpbench.evaluation.rollout import Rollout, take
 from drpbench.evaluation.run import versions
-from drpbench.evaluation.trajectories import Trajectories
+from drpbench.plugins.registry import parameters
 from drpbench.policies import DcpRmp, Straight
 from drpbench.problems import load
 from drpbench.recording import traced
+from drpbench.results import Header, Result
+from drpbench.results.trajectories import Trajectories
+from drpbench.rollout import Rollout
+from drpbench.rollout.batch import take
 
 IDS = [3, 17, 150]
 SEED = 5

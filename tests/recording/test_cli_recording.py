@@ -4,10 +4,10 @@ import sys
 
 import pytest
 
-from drpbench import cli
-from drpbench.cli_recording import parse_count, with_all
-from drpbench.evaluation import save
-from drpbench.refused import Refused
+from drpbench.cli import app as cli
+from drpbench.cli.recording import parse_count, with_all
+from drpbench.errors import Refused
+from drpbench.results import save
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,8 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from scipy.spatial.transform import Rotation
 
-from drpbench.recording import Recorder, RecordingError
+from drpbench.recording import Recorder, RecordingError, motion
 from drpbench.recording.episode import nanoseconds
-from drpbench.recording.motion import motion
 from drpbench.robot import LINKS
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drpbench.recording.episode import RecordingError, episode, nanoseconds
-from drpbench.recording.motion import motion
+from drpbench.recording import RecordingError, episode, motion
+from drpbench.recording.episode import nanoseconds
 from drpbench.robot import LINKS
 
 

@@ -9,8 +9,8 @@ import time
 import pytest
 from mcap.reader import make_reader
 
-from drpbench.evaluation import load, save
 from drpbench.recording import Recorder
+from drpbench.results import load, save
 
 IDS = range(6)
 # As `drpbench`, in batches of two that are really of two.

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from drpbench.evaluation import rerun
-from drpbench.evaluation.results import Result, ResultsError
 from drpbench.recording import RecordingError, Replayer
+from drpbench.results import Result, ResultsError
 
 
 def test_recorded_trajectories_are_taken_as_they_are(stored, rolled):

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drpbench.recording import RecordingError, offscreen
-from drpbench.recording.motion import motion
+from drpbench.recording import RecordingError, motion, offscreen
 from drpbench.recording.stage import Stage
 from drpbench.robot import NO_MESHES, find_mesh_model
 

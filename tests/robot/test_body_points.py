@@ -22,7 +22,7 @@ from drpbench.robot import (
     spheres,
     surface_points,
 )
-from drpbench.robot.panda import FINGER_OPENING
+from drpbench.robot.arms.panda import FINGER_OPENING
 from drpbench.robot.spheres import SELF_COLLISION_BLOCKS
 
 FRAMES = 9  # link0 to link7, and the hand with its fingers
@@ -55,7 +55,7 @@ def as_written(name):
 @pytest.mark.parametrize("path", [PANDA_XML, find_mesh_model()], ids=["own", "real"])
 @pytest.mark.parametrize(
     ("points", "name"),
-    [(spheres, "panda_spheres.json"), (surface_points, "panda_surface.json")],
+    [(spheres, "spheres.json"), (surface_points, "surface.json")],
     ids=["spheres", "surface"],
 )
 def test_points_stand_where_mujoco_puts_their_links(path, points, name):
@@ -80,8 +80,8 @@ def test_points_stand_where_mujoco_puts_their_links(path, points, name):
 
 
 def test_every_link_has_spheres_and_every_moving_link_surface_points():
-    assert set(as_written("panda_spheres.json")) == set(LINKS)
-    assert set(as_written("panda_surface.json")) == set(LINKS) - {"link0"}
+    assert set(as_written("spheres.json")) == set(LINKS)
+    assert set(as_written("surface.json")) == set(LINKS) - {"link0"}
     assert np.all(spheres().radius > 0.0)
     np.testing.assert_array_equal(surface_points().radius, 0.0)
     assert surface_points().count >= 256

@@ -19,7 +19,7 @@ from drpbench.robot import (
     link_poses,
     point_jacobian,
 )
-from drpbench.robot.panda import FINGER_OPENING
+from drpbench.robot.arms.panda import FINGER_OPENING
 
 FRAMES = LINKS[:9]  # the frames of LinkPoses: link0 to link7 and the hand
 GRIP = np.array([0.0, 0.0, 0.1])  # [m] in the hand frame

@@ -15,7 +15,7 @@ from drpbench.robot import (
     VELOCITY_LIMIT,
     find_mesh_model,
 )
-from drpbench.robot.panda import FINGER_OPENING
+from drpbench.robot.arms.panda import FINGER_OPENING
 
 
 @pytest.fixture(scope="module")

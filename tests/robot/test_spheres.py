@@ -11,13 +11,13 @@ from drpbench.robot import LINKS, NO_MESHES, find_mesh_model
 from drpbench.robot.link_meshes import load_link_meshes
 from drpbench.robot.sphere_cover import link_spheres, measure_cover, pooled_mean_excess
 
-ROBOT = Path(drpbench.robot.__file__).parent
+ROBOT = Path(drpbench.robot.__file__).parent / "arms" / "panda"
 ARM, HAND = LINKS[1:8], LINKS[8:]
 
 
 @pytest.fixture(scope="module")
 def surface():
-    rows = json.loads((ROBOT / "panda_surface.json").read_text())
+    rows = json.loads((ROBOT / "surface.json").read_text())
     return {name: np.array(points) for name, points in rows.items()}
 
 
@@ -41,7 +41,7 @@ def figures(meshes):
 
 
 def test_spheres_are_listed_for_every_link_in_order():
-    rows = json.loads((ROBOT / "panda_spheres.json").read_text())
+    rows = json.loads((ROBOT / "spheres.json").read_text())
     assert tuple(rows) == LINKS
     for spheres in rows.values():
         spheres = np.array(spheres)

@@ -7,9 +7,9 @@ import pytest
 
 from drpbench.compile import jit
 from drpbench.envs import TASKS, World
-from drpbench.evaluation.rollout import instance_key, take
 from drpbench.geometry import signed_distance
 from drpbench.problems import load
+from drpbench.rollout.batch import instance_key, take
 from drpbench.viewer.furniture import SHARE, SPARE, Furniture, with_room
 
 ID = 3

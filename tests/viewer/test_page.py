@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from drpbench.refused import Refused
+from drpbench.errors import Refused
 
 viser = pytest.importorskip("viser", reason="viser is not installed (extra `viewer`)")
-from drpbench.viewer.page import NO_SOLUTION, Page  # noqa: E402
+from drpbench.viewer.page import (  # noqa: E402
+    NO_SOLUTION,
+    Page,
+)
 
 from .conftest import FURNISHED  # noqa: E402
 

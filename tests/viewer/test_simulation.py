@@ -6,13 +6,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drpbench.envs import CONTROL_PERIOD, CONTROL_STEPS
-from drpbench.evaluation.host import Hosted
-from drpbench.evaluation.leaderboard import load_dir
-from drpbench.evaluation.shipped import shipped_results
+from drpbench.contract import CONTROL_PERIOD, CONTROL_STEPS
 from drpbench.geometry import quaternion_to_matrix
+from drpbench.leaderboard import load_dir
+from drpbench.plugins.host import Hosted
 from drpbench.policies import Straight
 from drpbench.problems import ProblemSetError, load
+from drpbench.results.shipped import shipped_results
 from drpbench.robot import JOINT_LOWER, JOINT_UPPER, grip_pose, link_poses
 from drpbench.viewer import Simulation
 from drpbench.viewer.simulation import FOLLOW_SPEED

@@ -5,7 +5,6 @@ from .dynamic_goal_blocking import DynamicGoalBlocking
 from .floating import Floating
 from .goal_blocking import GoalBlocking
 from .static import Static
-from .task import CONTROL_STEPS as CONTROL_STEPS
 from .task import Arm as Arm
 from .task import Task as Task
 

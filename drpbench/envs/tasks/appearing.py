@@ -12,8 +12,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Key
 
-from ..movers import clearance_of_box, no_movers, random_rotation
-from .task import CONTROL_STEPS
+from drpbench.contract import CONTROL_STEPS, no_movers
+
+from ..movers import clearance_of_box, random_rotation
 
 _FIRST, _EVERY, _STRIDE = 30, 200, 5
 _REMOVED = CONTROL_STEPS - 100

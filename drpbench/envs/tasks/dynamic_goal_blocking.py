@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 
+from drpbench.contract import CONTROL_STEPS
+
 from ..movers import base_column_radius, drift, drifting_box, in_upper_shell
-from .task import CONTROL_STEPS
 
 _REMOVED = CONTROL_STEPS - 300
 

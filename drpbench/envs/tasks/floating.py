@@ -12,8 +12,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from drpbench.contract import CONTROL_STEPS
+
 from ..movers import base_column_radius, drift, drifting_box, in_upper_shell
-from .task import CONTROL_STEPS
 
 _CENTER = np.array([0.15, 0.0, 0.5], np.float32)  # [m]
 _REMOVED = CONTROL_STEPS - 300

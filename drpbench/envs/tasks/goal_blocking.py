@@ -11,8 +11,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int, Key
 
-from ..movers import clearance_of_box, no_movers, random_rotation
-from .task import CONTROL_STEPS
+from drpbench.contract import CONTROL_STEPS, no_movers
+
+from ..movers import clearance_of_box, random_rotation
 
 _REMOVED = CONTROL_STEPS - 200
 _NEAR = 0.5  # [m] from grip to goal

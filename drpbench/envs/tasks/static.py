@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 
-from ..movers import no_movers
+from drpbench.contract import no_movers
 
 
 @dataclass(frozen=True)

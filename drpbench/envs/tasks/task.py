@@ -6,10 +6,7 @@ from typing import Any, Protocol, runtime_checkable
 import jax
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from ..movers import Movers
-from ..problem import Problem
-
-CONTROL_STEPS = 1000  # 16.7 s at 60 Hz
+from drpbench.contract import Movers, Problem
 
 
 @jax.tree_util.register_dataclass

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.envs import CONTROL_STEPS, TASKS
+from drpbench.contract import CONTROL_STEPS
+from drpbench.envs import TASKS
 from drpbench.envs.movers import clearance_of_box
-from drpbench.envs.tasks import Arm
+from drpbench.envs.tasks.task import Arm
 from drpbench.robot import moving_spheres
 
 from ...scenes import batch, bodies, postures, problem

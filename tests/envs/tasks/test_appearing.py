@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.envs import CONTROL_STEPS, TASKS
+from drpbench.contract import CONTROL_STEPS
+from drpbench.envs import TASKS
 from drpbench.envs.movers import clearance_of_box
 
 from .conftest import COUNT

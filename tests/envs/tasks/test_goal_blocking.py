@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.envs import CONTROL_STEPS, TASKS
+from drpbench.contract import CONTROL_STEPS
+from drpbench.envs import TASKS
 
 from .conftest import COUNT, arms_at
 

@@ -1,0 +1,378 @@
+"""The command line: thin, one function a command. Everything heavy is imported inside."""
+
+import sys
+from collections import Counter
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drpbench.cli import learning as cli_learning
+from drpbench.cli import recording as cli_recording
+from drpbench.cli import report as cli_report
+from drpbench.cli import results as cli_results
+from drpbench.cli import view as cli_view
+from drpbench.errors import Refused
+
+from .options import TASK_NAMES, PolicyArguments, PolicyName, Seed, TimeLimit, check_limits
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Does a manipulator policy survive a moving world?",
+)
+problems_app = typer.Typer(
+    no_args_is_help=True, help="Look at the frozen problems, or export them."
+)
+app.add_typer(problems_app, name="problems")
+
+
+def main() -> None:
+    """Entry point. Bad input ends in one line on stderr and exit code 2, and nothing is overwritten."""
+    try:
+        app(cli_recording.with_all(sys.argv[1:]))
+    except KeyboardInterrupt:
+        again = {"run": "; go on with --resume", "train": "; go on with --resume"}
+        again |= dict.fromkeys(("data", "correct"), "; the same command goes on where it stopped")
+        told = again.get(next(iter(sys.argv[1:]), ""), "")
+        print(f"\ndrpbench: interrupted{told}", file=sys.stderr)
+        sys.exit(130)
+    except ValueError as error:
+        if not _is_about_input(error):
+            raise
+        print(f"drpbench: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _is_about_input(error: ValueError) -> bool:
+    return isinstance(error, Refused) or type(error).__name__ in (
+        "CheckpointError",
+        "DataError",
+        "LeaderboardError",
+        "PolicyError",
+        "ProblemSetError",
+        "RecordingError",
+        "RefereeError",
+        "ResultsError",
+        "TrainingError",
+        "UnknownPolicy",
+        "WeightsError",
+    )
+
+
+def parse_tasks(text: str) -> list[str]:
+    """`FDO`, `FDO,DGB` or `all`, in the order named."""
+    names = (
+        list(TASK_NAMES) if text.lower() == "all" else [t.strip().upper() for t in text.split(",")]
+    )
+    for name in names:
+        if name not in TASK_NAMES:
+            raise Refused(f"no task {name!r}; there are: {', '.join(TASK_NAMES)}, all")
+    if len(set(names)) < len(names):
+        raise Refused(f"--task names a task twice: {text}")
+    return names
+
+
+def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
+    """Ids from `20` (the first so many), `3,17` or `0-9`; None for all of them.
+
+    Families, pairs and levels take turns from one id to the next, so the first ones are a fair sample; every
+    tenth one would be of half of the families.
+    """
+    if text is None or text == "all":
+        return None
+    try:
+        if text.isdecimal():
+            wanted = int(text)
+            if not 0 < wanted <= count:
+                raise Refused(f"--problems {text}: {task} has 1 to {count} problems to choose from")
+            return None if wanted == count else list(range(wanted))
+        ids: list[int] = []
+        for part in text.rstrip(",").split(","):
+            first, _, last = part.partition("-")
+            ids += range(int(first), int(last or first) + 1)
+    except ValueError as error:
+        if isinstance(error, Refused):
+            raise
+        raise Refused(
+            f"--problems {text!r}: a count (20), ids (3,17 or 5,) or a range of ids (0-9) is meant"
+        ) from None
+    if not ids or len(set(ids)) < len(ids):
+        raise Refused(f"--problems {text!r}: names no problem, or one twice")
+    if outside := [i for i in ids if not 0 <= i < count]:
+        raise Refused(
+            f"--problems: no problem {outside[0]} in {task}; ids go from 0 to {count - 1}"
+        )
+    return ids
+
+
+def default_out(policy: str, tasks: list[str], resume: bool) -> Path:
+    """`runs/rmp-FDO.json`, or the first of `runs/rmp-FDO-2.json`, ... that no earlier run has.
+
+    To resume, the latest that is unfinished.
+    """
+    tag = "all" if len(tasks) == len(TASK_NAMES) else "-".join(tasks)
+    policy = policy.replace("/", "_").replace(":", "-")  # a policy may name a file or a module
+    names = [Path("runs") / f"{policy}-{tag}.json"]
+    while names[-1].exists():
+        names.append(Path("runs") / f"{policy}-{tag}-{len(names) + 1}.json")
+    if resume:
+        unfinished = [name for name in names if name.with_name(name.name + ".partial").exists()]
+        return (unfinished or names)[-1]
+    return names[-1]
+
+
+@app.command()
+def run(
+    task: Annotated[str, typer.Option(help="One task, several (FDO,DGB) or all.")] = "all",
+    policy: PolicyName = "rmp",
+    policy_arg: PolicyArguments = None,
+    time_limit: TimeLimit = 10.0,
+    problems: Annotated[
+        str | None, typer.Option(help="How many of each task, or which: 20, 3,17 or 0-9.")
+    ] = None,
+    seed: Seed = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Result file [default: runs/POLICY-TASK.json]")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished run.")] = False,
+    batch_size: Annotated[
+        int | None, typer.Option(help="Episodes at once [default: 64; 2048 on a GPU]")
+    ] = None,
+    save_trajectories: Annotated[
+        bool,
+        typer.Option("--save-trajectories", help="Write what moved to an NPZ beside the result."),
+    ] = False,
+    record: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[COUNT]",
+            help="Write an MCAP file for Foxglove of every episode, or of so many of each task.",
+        ),
+    ] = None,
+) -> None:
+    """Evaluate a policy: every problem exactly once, resumable, one JSON with a row for each."""
+    names = parse_tasks(task)
+    if batch_size is not None and batch_size < 1:
+        raise Refused(f"--batch-size {batch_size}: must be at least 1")
+    check_limits(time_limit, seed)
+    recorded = cli_recording.parse_count(record)
+    from drpbench.problems import counts
+
+    sizes = counts()
+    wanted = {name: parse_problems(problems, name, sizes[name]) for name in names}
+    out = out or default_out(policy, names, resume)
+    if out.suffix != ".json":
+        raise Refused(f"--out {out}: the result file must end in .json")
+
+    from drpbench.compile import use_cache
+
+    use_cache()
+    import jax
+    from rich.console import Console
+
+    from drpbench.evaluation import Request
+    from drpbench.evaluation import run as run_request
+    from drpbench.leaderboard import build, render_entry
+    from drpbench.rollout import LANES
+
+    from .terminal import RunProgress
+
+    default = LANES if jax.default_backend() == "cpu" else 2048
+    recorder = record and cli_recording.recorder(out, recorded, wanted, sizes)
+    request = Request(
+        policy=policy,
+        policy_arguments=policy_arg or (),
+        time_limit=time_limit,
+        problems=wanted,
+        out=out,
+        seed=seed,
+        batch_size=batch_size or default,
+        resume=resume,
+        save_trajectories=save_trajectories,
+        watch=recorder and recorder.watch,
+    )
+    console = Console()
+    with recorder or nullcontext(), RunProgress(console, policy) as progress:
+        result = run_request(request, progress)
+    console.print(render_entry(build({out.name: result}, sizes).entries[0]))
+    failures = Counter(row.status for row in result.rows if row.status != "ok")
+    for status, count in failures.most_common():
+        console.print(
+            f"{count} of {len(result.rows)} failed: {status}", highlight=False, markup=False
+        )
+    console.print(f"{len(result.rows)} rows in {out}", highlight=False)
+
+
+@app.command()
+def leaderboard(
+    folder: Annotated[
+        Path | None, typer.Argument(help="Folder of result files [default: the shipped results]")
+    ] = None,
+    markdown: Annotated[bool, typer.Option("--markdown", help="Print Markdown.")] = False,
+) -> None:
+    """Compare results: every figure recomputed from the rows, with 95 % intervals."""
+    from rich.console import Console
+
+    from drpbench.leaderboard import build, load_dir
+    from drpbench.leaderboard.tables import render_markdown, render_terminal
+    from drpbench.problems import counts
+    from drpbench.results.shipped import shipped_results
+
+    board = build(load_dir(folder if folder is not None else shipped_results()), counts())
+    if markdown:
+        print(render_markdown(board))
+    else:
+        console = Console()
+        console.print(render_terminal(board))
+
+
+@app.command("list")
+def list_() -> None:
+    """Tasks and policies there are."""
+    from rich.console import Console
+
+    from drpbench.envs import TASKS
+    from drpbench.plugins.imported import installed
+    from drpbench.plugins.registry import POLICIES, WRAPPERS
+    from drpbench.problems import counts
+
+    from .terminal import listing
+
+    sizes = counts()
+    tasks = [(name, f"{task.title}, {sizes[name]} problems") for name, task in TASKS.items()]
+    policies = [(name, about) for name, (_, about) in POLICIES.items()]
+    policies += [(name, f"installed: {entry.value}") for name, entry in installed().items()]
+    policies += [("module:Class", "yours, by import path (docs/your-policy.md)")]
+    policies += [(f"…+{name}", about) for name, (_, about) in WRAPPERS.items()]
+    Console().print(listing({"Tasks": tasks, "Policies": policies}))
+
+
+@app.command("new-policy")
+def new_policy(
+    name: Annotated[str, typer.Argument(help="The policy's name: my-policy")],
+    folder: Annotated[Path, typer.Option(help="Where the package's folder is put.")] = Path("."),
+) -> None:
+    """Write a small package around a policy of your own, that runs as it is."""
+    from drpbench.plugins.registry import POLICIES, WRAPPERS
+    from drpbench.plugins.scaffold import write
+
+    for path in write(name, folder, frozenset({*POLICIES, *WRAPPERS, "remote"})):
+        typer.echo(f"wrote {path}")
+    typer.echo(
+        f"next: pip install -e {folder / name} && "
+        f"drpbench run --task FDO --problems 20 --policy {name}"
+    )
+
+
+def _problem(task: str, id: int):
+    from drpbench.problems import load
+
+    name = parse_tasks(task)[0]
+    problems = load(name)
+    if not 0 <= id < len(problems.level):
+        raise Refused(f"no problem {id} in {name}; ids go from 0 to {len(problems.level) - 1}")
+    return problems
+
+
+@problems_app.command("show")
+def show(
+    task: Annotated[str, typer.Argument(help="The task: FDO")],
+    id: Annotated[int, typer.Argument(help="The problem's number: 17")],
+) -> None:
+    """Print one problem."""
+    from rich.console import Console
+
+    from .terminal import problem_card
+
+    Console().print(problem_card(_problem(task, id).to_json(id)))
+
+
+@problems_app.command("export")
+def export(
+    task: Annotated[str, typer.Option(help="One task, several or all.")],
+    out: Annotated[Path, typer.Option(help="The file to write, JSON lines.")],
+) -> None:
+    """Write problems for other tools: one JSON object a line. Refuses to overwrite."""
+    import json
+
+    from drpbench.problems import load
+
+    names = parse_tasks(task)
+    if out.exists():
+        raise Refused(f"{out}: exists; nothing overwritten. Name another file with --out")
+    try:
+        with open(out, "x", encoding="utf-8") as file:
+            for name in names:
+                problems = load(name)
+                for id in range(len(problems.level)):
+                    file.write(json.dumps(problems.to_json(id)) + "\n")
+    except OSError as error:
+        raise Refused(f"{out}: cannot be written ({error.strerror})") from None
+    typer.echo(f"wrote {out}")
+
+
+@app.command()
+def doctor() -> None:
+    """Versions, device, and a self-test: every link put into every kind of primitive must be seen."""
+    from drpbench.compile import use_cache
+
+    use_cache()
+    from rich.console import Console
+
+    from drpbench.evaluation import examine
+
+    from .terminal import diagnosis
+
+    report = examine()
+    Console().print(diagnosis(report))
+    if not report.healthy:
+        raise typer.Exit(1)
+
+
+@app.command()
+def referee(
+    result: Annotated[Path, typer.Argument(help="Result file of a run with --save-trajectories")],
+) -> None:
+    """Judge recorded episodes again, in C MuJoCo with the real meshes: do both verdicts agree?"""
+    from rich.console import Console
+    from rich.progress import track
+
+    from drpbench.evaluation.referee import agreement, judgements
+    from drpbench.problems import load as load_problems
+    from drpbench.results import load
+    from drpbench.results.trajectories import load_trajectories
+
+    from .terminal import listing
+
+    run = load(result)
+    recorded = result.with_suffix(".npz")
+    if not recorded.is_file():
+        raise Refused(f"{recorded}: not there; run again with --save-trajectories")
+    try:
+        trajectories = load_trajectories(recorded)
+    except ValueError as error:
+        raise Refused(str(error)) from None
+    problems = {task: load_problems(task) for task in run.header.tasks}
+    console = Console()
+    judging = judgements(run, trajectories, problems)
+    figures = agreement(
+        list(track(judging, "judging", len(run.rows), console=console, transient=True))
+    )
+    console.print(listing(figures.summary()))
+
+
+app.command()(cli_learning.correct)
+app.command()(cli_learning.data)
+app.command()(cli_learning.train)
+app.command()(cli_recording.replay)
+app.command()(cli_report.report)
+app.command()(cli_results.submit)
+app.command()(cli_results.verify)
+app.command()(cli_view.view)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,185 @@
+"""The commands that make demonstrations and train. Everything heavy is imported inside."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drpbench.errors import Refused
+
+
+def _check_multiple(name: str, number: int, of: int, least: int = 0) -> None:
+    if number < least or number % of:
+        near = max(of, round(number / of) * of)
+        raise Refused(f"--{name} {number}: must be a multiple of {of}, such as {near}")
+
+
+def data(
+    out: Annotated[Path, typer.Option(help="Folder to write to, or to add to.")],
+    count: Annotated[int, typer.Option(help="How many problems to draw, in all.")] = 10240,
+    first: Annotated[int, typer.Option(help="Number of the first; other runs take others.")] = 0,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes that draw problems [default: one a core]")
+    ] = None,
+) -> None:
+    """Make demonstrations: draw training problems, solve them, write shards. Goes on where it stopped."""
+    from drpbench.generation.training_problems import TRAINING_STREAM
+    from drpbench.learning.demonstrations import Shards
+    from drpbench.learning.production import SHARD, fill
+
+    _check_multiple("count", count, SHARD)
+    _check_multiple("first", first, SHARD)
+    if workers is not None and workers < 1:
+        raise Refused(f"--workers {workers}: must be at least 1")
+    shards = Shards(out, TRAINING_STREAM, SHARD)
+    from drpbench.compile import use_cache
+
+    use_cache()
+    from rich.console import Console
+
+    from .terminal import DataProgress
+
+    numbers = range(first, first + count)
+    with DataProgress(Console(), count) as progress:
+        fill(shards, numbers, workers, progress.advance)
+    counts = shards.counts
+    typer.echo(
+        f"{out}: {counts['drawn']} problems drawn, {counts['solved']} solved, "
+        f"{counts['obstructed']} of them with the goal out of reach"
+    )
+
+
+def correct(
+    weights: Annotated[Path, typer.Argument(help="A file of IMPACT's weights.")],
+    demonstrations: Annotated[Path, typer.Option("--data", help="Folder of drpbench data.")],
+    out: Annotated[Path, typer.Option(help="Folder to write to.")],
+    count: Annotated[
+        int | None, typer.Option(help="Of how many demonstrations [default: all whole shards]")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of clouds and of what is kept.")] = 0,
+) -> None:
+    """Let a network go astray in demonstrated problems, and the expert show the way on from there.
+
+    Then train with --data twice: the demonstrations and these. Goes on where it stopped.
+    """
+    from drpbench.learning.corrections import fill_corrections
+    from drpbench.learning.demonstrations import Shards, read
+    from drpbench.learning.production import SHARD
+    from drpbench.policies.weights import load
+
+    there = read(demonstrations)
+    count = there.count // SHARD * SHARD if count is None else count
+    _check_multiple("count", count, SHARD, least=1)
+    if count > there.count:
+        raise Refused(f"--count {count}: {demonstrations} holds {there.count} demonstrations")
+    policy = load(weights)
+    shards = Shards(out, f"corrections-{policy.weights[:8]}", SHARD)
+    from drpbench.compile import use_cache
+
+    use_cache()
+    from rich.console import Console
+
+    from .terminal import DataProgress
+
+    with DataProgress(Console(), count, ("demonstrations", "corrections")) as progress:
+        fill_corrections(shards, policy, there, count, seed, progress.advance)
+    counts = shards.counts
+    typer.echo(
+        f"{out}: {counts['solved']} corrections after {counts['drawn']} demonstrations, "
+        f"{counts['obstructed']} of them with the goal out of reach"
+    )
+
+
+def train(
+    network: Annotated[str, typer.Argument(help="What to train: impact")],
+    out: Annotated[Path, typer.Option(help="Folder of the run.")],
+    demonstrations: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--data",
+            help="Folder of drpbench data or correct; may be given again [default: straight from the expert]",
+        ),
+    ] = None,
+    size: Annotated[
+        str, typer.Option(help="full (the paper's) or small (for processors)")
+    ] = "full",
+    steps: Annotated[int, typer.Option(help="The paper: 1,000,000.")] = 100_000,
+    batch: Annotated[int, typer.Option(help="Samples a step.")] = 512,
+    learning_rate: Annotated[float, typer.Option(help="At its highest.")] = 1e-3,
+    precision: Annotated[
+        str | None, typer.Option(help="float32 or bfloat16 [default: bfloat16 on a GPU]")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of weights and samples.")] = 0,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished run.")] = False,
+    report_every: Annotated[int, typer.Option(help="Steps between lines of the history.")] = 100,
+    checkpoint_every: Annotated[int, typer.Option(help="Steps between checkpoints.")] = 1000,
+    validate_every: Annotated[
+        int, typer.Option(help="Steps between validations; 0: only at the end.")
+    ] = 0,
+    validation_problems: Annotated[
+        int, typer.Option(help="Episodes of a validation; 0: none.", min=0)
+    ] = 64,
+    capacity: Annotated[
+        int, typer.Option(help="Demonstrations kept at once, without --data.")
+    ] = 65536,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes that draw problems, without --data.")
+    ] = None,
+) -> None:
+    """Train IMPACT by behaviour cloning. Checkpoints, a CSV, a plot and weights lie in the run's folder."""
+    if network != "impact":
+        raise Refused(f"cannot train {network!r}; there is: impact")
+    for name, number in (
+        ("steps", steps),
+        ("batch", batch),
+        ("report-every", report_every),
+        ("checkpoint-every", checkpoint_every),
+        ("capacity", capacity),
+    ):
+        if number < 1:
+            raise Refused(f"--{name} {number}: must be at least 1")
+    if precision not in (None, "float32", "bfloat16"):
+        raise Refused(f"--precision {precision}: float32 or bfloat16 is meant")
+    from drpbench.compile import use_cache
+
+    use_cache()
+    from contextlib import nullcontext
+
+    import jax
+    from rich.console import Console
+
+    from drpbench.learning.feed import Folder, Stream
+    from drpbench.learning.pretraining import Settings
+    from drpbench.learning.train import Run
+    from drpbench.learning.train import train as train_run
+
+    from .terminal import TrainingProgress
+
+    default = "float32" if jax.default_backend() == "cpu" else "bfloat16"
+    settings = Settings(
+        steps=steps,
+        batch=batch,
+        learning_rate=learning_rate,
+        precision=precision or default,
+        seed=seed,
+    )
+    wanted = Run(
+        out,
+        size,
+        settings,
+        resume,
+        report_every=report_every,
+        checkpoint_every=checkpoint_every,
+        validate_every=validate_every,
+        validation_problems=validation_problems,
+    )
+    source = (
+        nullcontext(Folder(*demonstrations))
+        if demonstrations
+        else Stream(capacity, workers=workers)
+    )
+    with source as feed, TrainingProgress(Console(), steps) as progress:
+        train_run(wanted, feed, progress.line)
+    typer.echo(
+        f"weights in {out / 'weights.safetensors'}; run them with --policy impact:{out}/weights.safetensors"
+    )

@@ -1,0 +1,135 @@
+"""What the command line knows of recordings. Everything heavy is imported inside."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from drpbench.errors import Refused
+
+if TYPE_CHECKING:
+    from drpbench.recording import Recorder
+
+
+def with_all(arguments: Sequence[str]) -> list[str]:
+    """`--record` alone as `--record all`: typer knows no option whose value may be left out."""
+    given = list(arguments)
+    for place, argument in enumerate(given):
+        if argument == "--record" and (place + 1 == len(given) or given[place + 1][:1] == "-"):
+            given.insert(place + 1, "all")
+            break
+    return given
+
+
+def parse_count(text: str | None) -> int | None:
+    """How many episodes of each task `--record` asks for; None for all of them."""
+    if text in (None, "all"):
+        return None
+    if not text.isdecimal() or int(text) < 1:
+        raise Refused(f"--record {text}: how many of each task is meant (5), or nothing for all")
+    return int(text)
+
+
+def recorder(
+    out: Path,
+    count: int | None,
+    wanted: Mapping[str, Sequence[int] | None],
+    sizes: Mapping[str, int],
+) -> Recorder:
+    """What a run shows its batches to, to have MCAP files in a folder beside `out`: of the first `count`
+    of the instances wanted of each task (None: all of a task that has so many in all)."""
+    from drpbench.recording import Recorder
+
+    ids = {task: range(sizes[task]) if ids is None else ids for task, ids in wanted.items()}
+    only = {task: set(some[:count]) for task, some in ids.items()}
+    return Recorder(out.with_suffix(""), only, out)
+
+
+def _say_what_it_is(path: Path) -> None:
+    from drpbench.recording.recorded import read_recording
+
+    found = read_recording(path)
+    of = found.about
+    typer.echo(
+        f"{path}: whole; {of['task']} {of['id']} ({of['family']}) with {of['policy']}, seed {of['seed']}, "
+        f"{of['problem_set']}; {found.seconds:.1f} s, {found.messages} messages"
+    )
+
+
+def replay(
+    result: Annotated[
+        Path, typer.Argument(help="Result file of a run; or an MCAP file, to check it.")
+    ],
+    id: Annotated[int | None, typer.Option(help="Which instance.")] = None,
+    task: Annotated[
+        str | None, typer.Option(help="Of which task, where the result has several.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder to write to [default: named after the result]")
+    ] = None,
+    video: Annotated[bool, typer.Option("--video", help="Make a video as well.")] = False,
+    grid: Annotated[
+        int | None, typer.Option(help="Instead: one video of so many episodes, spread evenly.")
+    ] = None,
+) -> None:
+    """Show an episode again: an MCAP file to open in Foxglove, or a video.
+
+    Taken from the run's trajectories where there are any; else the episode is run again. Files that are
+    there are replaced.
+    """
+    if result.suffix == ".mcap":
+        _say_what_it_is(result)
+        return
+    if (id is None) == (grid is None):
+        raise Refused("say which episode with --id 17, or how many for one video with --grid 16")
+    from drpbench.compile import use_cache
+
+    use_cache()
+    from rich.console import Console
+
+    from drpbench.recording import Recorder, Replayer
+    from drpbench.results import load
+
+    run = load(result)
+    header, folder = run.header, out or result.with_suffix("")
+    console = Console()
+    with console.status("replaying") as status:
+        done = 0
+
+        def ran(steps: int) -> None:
+            nonlocal done
+            done += steps
+            status.update(f"running again: {done} control steps")
+
+        def drew(frames: int, of: int) -> None:
+            status.update(f"drawing: {frames} of {of} frames")
+
+        def wrote(path: Path) -> None:
+            console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+
+        replayer = Replayer(run, result, ran)
+        task = task and task.upper()
+        rows = [replayer.row(task, id)] if grid is None else replayer.spread(task, grid)
+        if video or grid:
+            from drpbench.recording.offscreen import choose_platform
+            from drpbench.recording.video import film, film_grid, suffix
+
+            choose_platform()  # before anything takes long
+        found = replayer.replay(rows)
+        for replay in found:
+            if replay.remark:
+                console.print(replay.remark, style="yellow", highlight=False, soft_wrap=True)
+        episodes = [replay.episode for replay in found]
+        if grid is not None:
+            path = folder / f"{rows[0].task}-grid-{grid}{suffix()}"
+            film_grid(path, episodes, advanced=drew)
+            wrote(path)
+            return
+        wrote(Recorder(folder).write(header, episodes[0]))
+        if video:
+            path = folder / f"{episodes[0].name}{suffix()}"
+            film(path, episodes[0], advanced=drew)
+            wrote(path)

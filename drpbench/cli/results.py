@@ -1,0 +1,115 @@
+"""The commands that look at a result file before others do. Everything heavy is imported inside."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drpbench.errors import Refused
+
+
+def submit(
+    results: Annotated[list[Path], typer.Argument(help="Result file, or one for each task.")],
+) -> None:
+    """Check a result fully, and see where it would stand. Nothing is sent anywhere.
+
+    Exit code 0 for a full entry, 1 where something is missing, 2 for a file that is damaged or contradicts
+    itself.
+    """
+    from rich.console import Console
+
+    from drpbench.leaderboard import load_dir, render_entry
+    from drpbench.leaderboard.submission import assess
+    from drpbench.results import load
+    from drpbench.results.shipped import shipped_results
+
+    from .terminal import listing
+
+    names = [str(path) for path in results]
+    if len(set(names)) < len(names):
+        raise Refused(f"a file is named twice: {' '.join(names)}")
+    found = assess({name: load(name) for name in names}, load_dir(shipped_results()))
+    places = [
+        (standing.task, f"place {standing.place} of {standing.of}" + _behind(standing.ahead))
+        for standing in found.standings
+        if standing.place is not None
+    ]
+    console = Console()
+    console.print(render_entry(found.entry))
+    sections = {
+        "By success, among the shipped results": places or [("none", "no task is complete")],
+        "Missing for a full entry": [_line(line) for line in found.missing] or [("nothing", "")],
+    }
+    console.print(listing(sections), highlight=False)
+    for note in found.notes:
+        console.print(f"Note: {note}", highlight=False, markup=False, soft_wrap=True)
+    raise typer.Exit(1 if found.missing else 0)
+
+
+def _behind(ahead: str | None) -> str:
+    return f", behind {ahead}" if ahead else ""
+
+
+def _line(text: str) -> tuple[str, str]:
+    """`FDO: 180 of 200 problems` as a name and what is said of it."""
+    name, _, rest = text.partition(": ")
+    return name, rest
+
+
+def verify(
+    result: Annotated[Path, typer.Argument(help="Result file of a run.")],
+    sample: Annotated[int, typer.Option(help="How many rows to run again.")] = 50,
+    seed: Annotated[int, typer.Option(help="Of which rows.")] = 0,
+) -> None:
+    """Run a random part of a result again, and compare row by row.
+
+    Exit code 0 where every verdict is the same, 1 where one is not.
+    """
+    if sample < 1:
+        raise Refused(f"--sample {sample}: must be at least 1")
+    if seed < 0:
+        raise Refused(f"--seed {seed}: must not be negative")
+    from drpbench.results import load
+
+    was = load(result)
+    from drpbench.compile import use_cache
+
+    use_cache()
+    from rich.console import Console
+
+    from drpbench.evaluation import verification
+
+    from .terminal import RunProgress
+
+    console = Console()
+    with RunProgress(console, was.header.policy) as progress:
+        found = verification.verify(str(result), was, sample, seed, progress)
+    for line in _told(found):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    raise typer.Exit(0 if found.reproduced else 1)
+
+
+def _told(found) -> list[str]:
+    """What verifying showed, line by line."""
+    lines = [f"{found.equal} of {found.rows} rows are equal in every field, to the bit"]
+    fields: dict[str, list] = {}
+    for difference in found.differences:
+        fields.setdefault(difference.field, []).append(difference)
+    for field, differences in fields.items():
+        amounts = [d.amount for d in differences if d.amount is not None]
+        most = f", by {max(amounts):.3g} at most" if amounts else ""
+        lines.append(f"  {field} differs in {len(differences)}{most}")
+    turned = sorted({(d.task, d.id) for d in found.turned})
+    if found.reproduced:
+        lines.append(f"every verdict is the same: {found.rows} of {found.rows}")
+    else:
+        lines.append(f"{len(turned)} of {found.rows} rows have another verdict:")
+        lines += [f"  {d.task} {d.id}: {d.field} was {d.was}, is {d.now}" for d in found.turned]
+    if found.differences:
+        lines += [f"made elsewhere: {line}" for line in found.elsewhere]
+        lines.append(
+            "The same build of the program gives the same rows to the bit. Another one (another jax, "
+            "processor or version) rounds differently in the seventh digit, and an arm that skirts obstacles "
+            "amplifies it: between two builds, 3 of 200 FDO successes of rmp changed sides."
+        )
+    return lines

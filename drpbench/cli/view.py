@@ -1,0 +1,73 @@
+"""The command that serves the viewer. Everything heavy is imported inside."""
+
+from typing import Annotated
+
+import typer
+
+from drpbench.errors import Refused
+
+from .options import TASK_NAMES, PolicyArguments, PolicyName, Seed, TimeLimit, check_limits
+
+
+def view(
+    task: Annotated[str, typer.Option(help="One task.")] = "FDO",
+    policy: PolicyName = "drp",
+    policy_arg: PolicyArguments = None,
+    time_limit: TimeLimit = 10.0,
+    id: Annotated[int, typer.Option(help="The problem to begin with.")] = 0,
+    seed: Seed = 0,
+    host: Annotated[str, typer.Option(help="Where to serve: 0.0.0.0 for other machines.")] = (
+        "127.0.0.1"
+    ),
+    port: Annotated[int, typer.Option(help="The port; if it is taken, the next free one.")] = 8080,
+) -> None:
+    """Watch a policy in the browser, and put things in its way (extra `viewer`)."""
+    name = task.strip().upper()
+    if name not in TASK_NAMES:
+        raise Refused(f"no task {task!r}; there are: {', '.join(TASK_NAMES)}")
+    if not 0 < port < 65536:
+        raise Refused(f"--port {port}: a number from 1 to 65535 is meant")
+    check_limits(time_limit, seed)
+    try:
+        import viser  # noqa: F401
+    except ImportError:
+        raise Refused(
+            "the viewer needs viser, which is not installed: pip install 'drpbench[viewer]'"
+        ) from None
+    from drpbench.problems import counts
+
+    if not 0 <= id < counts()[name]:
+        raise Refused(
+            f"--id {id}: no such problem in {name}; ids go from 0 to {counts()[name] - 1}"
+        )
+
+    from drpbench.compile import use_cache
+
+    use_cache()
+    from rich.console import Console
+
+    from drpbench.plugins.registry import choose
+    from drpbench.problems import load
+    from drpbench.viewer import Simulation
+    from drpbench.viewer.page import Page
+
+    console = Console()
+    choice = choose(policy, policy_arg or (), time_limit)
+    simulation = Simulation(name, choice.policy, load(name), seed)
+    page = None
+    try:
+        with console.status(
+            f"compiling {name} with {policy}: half a minute the first time"
+        ) as told:
+            for done in simulation.compile(id):
+                told.update(f"compiling: {done} is ready")
+        page = Page(simulation, policy, host, port)
+        if page.port != port:
+            console.print(f"port {port} is taken", style="yellow", highlight=False)
+        console.print(f"{page.address}  (Ctrl-C ends it)", highlight=False, soft_wrap=True)
+        page.run()
+    except KeyboardInterrupt:
+        console.print()
+    finally:
+        if page:
+            page.close()

@@ -1,0 +1,1 @@
+"""Drawing problems: scene families, their composition, and certificates."""

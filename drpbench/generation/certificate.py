@@ -1,0 +1,81 @@
+"""Certificates: a witness trajectory is free of collision, by two models of the arm.
+
+A witness is a polyline in joint space. It is sampled so finely that between two samples no point of
+the arm moves more than `RESOLUTION`. At every sample the collision spheres keep at least
+`CLEARANCE`, half of that resolution: every configuration between two samples is within `CLEARANCE`
+of motion from one of them, so the spheres cannot touch an obstacle there either. The real meshes,
+in C MuJoCo, are checked at the same samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drpbench.planning import motion
+from drpbench.planning.checker import Checker
+from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+
+RESOLUTION = 0.01  # [m] of motion between samples
+CLEARANCE = 0.005  # [m] by the spheres everywhere, by the meshes at start and goal
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Outcome of a check: `fault` says in words what is wrong, None that nothing is.
+
+    The smallest clearances [m] are cut off at the checkers' margins; `mesh_clearance` is None
+    where no meshes were at hand.
+    """
+
+    fault: str | None
+    samples: int
+    sphere_clearance: float
+    mesh_clearance: float | None
+
+
+def certify(
+    witness: np.ndarray,
+    start: np.ndarray,
+    goal: np.ndarray,
+    spheres: Checker,
+    meshes: Checker | None,
+) -> Certificate:
+    """Checks a witness (m, 7) [rad] from `start` (7,) to `goal` (7,) in the checkers' scene.
+
+    Both checkers must hold the same scene. A witness of a single waypoint stands still.
+    """
+    witness = np.asarray(witness, float)
+    if witness.ndim != 2 or witness.shape[1] != 7 or not np.all(np.isfinite(witness)):
+        return _fault(f"the witness is no finite array of 7-joint waypoints: {witness.shape}")
+    if not (np.array_equal(witness[0], start) and np.array_equal(witness[-1], goal)):
+        return _fault("the witness does not lead from start to goal")
+    if np.any(witness < JOINT_LOWER) or np.any(witness > JOINT_UPPER):
+        return _fault("a waypoint is beyond a joint limit")
+    for name, checker in (("spheres", spheres), ("meshes", meshes)):
+        for end, q in (("start", start), ("goal", goal)):
+            if checker is not None and (room := checker.clearance(q)) < CLEARANCE:
+                return _fault(f"the {end} is {1000 * room:.1f} mm clear by the {name}")
+    path = motion.samples(witness, RESOLUTION)
+    by_spheres = np.array([spheres.clearance(q) for q in path])
+    by_meshes = None if meshes is None else np.array([meshes.clearance(q) for q in path])
+    fault = None
+    if by_spheres.min() < CLEARANCE:
+        fault = (
+            f"the spheres come to {1000 * by_spheres.min():.1f} mm at sample {by_spheres.argmin()}"
+        )
+    elif by_meshes is not None and by_meshes.min() <= 0:
+        fault = (
+            f"the meshes collide ({1000 * by_meshes.min():.1f} mm) at sample {by_meshes.argmin()}"
+        )
+    return Certificate(
+        fault,
+        len(path),
+        float(by_spheres.min()),
+        None if by_meshes is None else float(by_meshes.min()),
+    )
+
+
+def _fault(words: str) -> Certificate:
+    return Certificate(words, 0, np.nan, None)

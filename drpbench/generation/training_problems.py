@@ -1,0 +1,169 @@
+"""Problems to learn from: drawn on the host, from random streams that the benchmark never uses.
+
+A problem is a scene of any family, often with boxes that float in it, a start and a goal, and a way
+between them that a sampling planner found: the expert's hint. In a share of them a box then stands
+on the goal, as when something or someone blocks it (paper 3.1).
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drpbench.geometry import BOX, MAX_OBSTACLES
+from drpbench.planning.checker import sphere_checker
+from drpbench.robot import VELOCITY_LIMIT
+
+from .composition import PAIRS, Group
+from .families import FAMILIES
+from .generator import CHECKER_MARGIN, FREE_CLEARANCE, VERSION_SEED, Generator, Rejected
+from .scene import Scene
+
+TRAINING_STREAM = "training"
+VALIDATION_STREAM = "validation"
+FAMILY_NAMES = tuple(FAMILIES)
+
+OBSTRUCTED_SHARE = 0.3
+FLOATING_SHARE = 0.4  # of scenes that have one to three floating boxes
+HINT_WAYPOINTS = 64
+_LEAST_WAY = {"ff": 0.3, "ft": 0.3, "tf": 0.3, "tt": 0.2}  # [m] from start to goal position
+_REACH = np.array([[0.1, -0.8, 0.1], [0.9, 0.8, 1.0]])  # [m] corners of where boxes float
+_TRIES = 20
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One problem to learn from. Lengths [m], joints [rad], wxyz; obstacles padded to K = 24.
+
+    `hint` is free of collision by the spheres, but for the box on the goal if it is `obstructed`.
+    """
+
+    index: int
+    family: int  # of FAMILY_NAMES
+    kind: np.ndarray  # (K,) int32
+    half_size: np.ndarray  # (K, 3) float32
+    position: np.ndarray  # (K, 3) float32
+    quaternion: np.ndarray  # (K, 4) float32
+    mask: np.ndarray  # (K,) bool
+    start: np.ndarray  # (7,) float32
+    goal: np.ndarray  # (7,) float32
+    hint: np.ndarray  # (64, 7) float32
+    obstructed: bool
+
+
+class Drawer:
+    """Draws the numbered problems of one stream. Holds a compiled checker, so make one and keep it."""
+
+    def __init__(self, stream: str = TRAINING_STREAM):
+        if stream == "benchmark":
+            raise ValueError("the benchmark's own stream is not for learning")
+        self._stream = zlib.crc32(stream.encode())
+        self._spheres = sphere_checker(CHECKER_MARGIN)
+        self._generator = Generator(self._spheres, None)
+
+    def draw(self, index: int) -> Drawn:
+        """Problem number `index`; it depends on nothing but the stream and the number."""
+        attempt = 0
+        while True:
+            rng = np.random.default_rng([VERSION_SEED, self._stream, index, attempt])
+            try:
+                return self._attempt(rng, index)
+            except Rejected:
+                attempt += 1
+
+    def _attempt(self, rng: np.random.Generator, index: int) -> Drawn:
+        family = int(rng.integers(len(FAMILY_NAMES)))
+        name = FAMILY_NAMES[family]
+        pair = "ff" if name == "table" else PAIRS[rng.integers(len(PAIRS))]
+        scene = FAMILIES[name](rng)
+        if rng.uniform() < FLOATING_SHARE:
+            scene = _with_boxes(scene, *_floating(rng, int(rng.integers(1, 4))))
+        group = Group(name, pair, level=0, count=0, distance=_LEAST_WAY[pair])
+        start, goal, witness = self._generator.solve(rng, scene, group)
+        obstructed = False
+        if rng.uniform() < OBSTRUCTED_SHARE:
+            blocked = self._blocked(rng, scene, start, goal)
+            scene, obstructed = (scene, False) if blocked is None else (blocked, True)
+        return _padded(index, family, scene, start, goal, witness, obstructed)
+
+    def _blocked(self, rng, scene: Scene, start: np.ndarray, goal: np.ndarray) -> Scene | None:
+        """The scene with a box on the goal that leaves the start free; None if none was found."""
+        if scene.count == MAX_OBSTACLES:
+            return None
+        place, _ = self._spheres.grip_pose(goal)
+        # A tight start stays as tight as it was.
+        room = min(self._spheres.clearance(start) - 1e-4, FREE_CLEARANCE)
+        for _ in range(_TRIES):
+            half = rng.uniform(0.05, 0.2, (1, 3))
+            centre = (place + rng.normal(0.0, 0.05, 3))[None]
+            blocked = _with_boxes(scene, half, centre, _orientations(rng, 1))
+            self._spheres.set_scene(blocked)
+            if self._spheres.clearance(goal) < 0.0 and self._spheres.free(start, room):
+                return blocked
+        return None
+
+
+def _orientations(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Random unit quaternions (count, 4), wxyz."""
+    q = rng.normal(size=(count, 4))
+    return q / np.linalg.norm(q, axis=1, keepdims=True)
+
+
+def _floating(rng: np.random.Generator, count: int):
+    """Half sizes, positions and quaternions of boxes in the arm's reach."""
+    half = np.repeat(rng.uniform(0.05, 0.15, (count, 1)), 3, axis=1) * rng.uniform(
+        0.6, 1, (count, 3)
+    )
+    return half, rng.uniform(*_REACH, (count, 3)), _orientations(rng, count)
+
+
+def _with_boxes(scene: Scene, half_size, position, quaternion) -> Scene:
+    """The scene and as many of the boxes as there is room for."""
+    room = MAX_OBSTACLES - scene.count
+    half_size, position, quaternion = (
+        values[:room].astype(np.float32) for values in (half_size, position, quaternion)
+    )
+    return replace(
+        scene,
+        kind=np.concatenate([scene.kind, np.full(len(half_size), BOX, np.int32)]),
+        half_size=np.concatenate([scene.half_size, half_size]),
+        position=np.concatenate([scene.position, position]),
+        quaternion=np.concatenate([scene.quaternion, quaternion]),
+    )
+
+
+def _padded(index, family, scene: Scene, start, goal, witness, obstructed) -> Drawn:
+    n = scene.count
+
+    def pad(values, filler):
+        out = np.empty((MAX_OBSTACLES, *values.shape[1:]), values.dtype)
+        out[:n], out[n:] = values, filler
+        return out
+
+    return Drawn(
+        index=index,
+        family=family,
+        kind=pad(scene.kind, BOX),
+        # A filler is a proper box, so that geometry on padded arrays stays finite.
+        half_size=pad(scene.half_size, 0.01),
+        position=pad(scene.position, 0.0),
+        quaternion=pad(scene.quaternion, (1.0, 0.0, 0.0, 0.0)),
+        mask=np.arange(MAX_OBSTACLES) < n,
+        start=start.astype(np.float32),
+        goal=goal.astype(np.float32),
+        hint=evenly(witness, HINT_WAYPOINTS).astype(np.float32),
+        obstructed=obstructed,
+    )
+
+
+def evenly(waypoints: np.ndarray, count: int) -> np.ndarray:
+    """`count` waypoints (count, 7) at even steps along a polyline (m, 7), its corners cut.
+
+    A step is as long as the joint that is slowest relative to its limit needs for it.
+    """
+    steps = np.abs(np.diff(waypoints, axis=0)) / VELOCITY_LIMIT
+    ends = np.concatenate([[0.0], np.cumsum(steps.max(axis=1, initial=0.0))])
+    at = np.linspace(0.0, ends[-1], count)
+    return np.stack([np.interp(at, ends, joint) for joint in waypoints.T], axis=1)

@@ -1,0 +1,1 @@
+"""What makes the observation's point cloud."""

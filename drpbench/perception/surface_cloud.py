@@ -1,0 +1,83 @@
+"""The point clouds of the observation: the same surface points throughout an episode."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
+
+from drpbench.contract import ROBOT_POINTS, SCENE_POINTS, Movers
+from drpbench.geometry import Primitives, sample_surface
+from drpbench.robot import BodyPoints, surface_points
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Cloud:
+    """Persistent scene points: those of the static scene in the world frame [m], and for each moving box
+    the tickets that say where on its surface its points are, whatever size it is born with."""
+
+    static_points: Float[Array, "*batch N 3"]
+    static_mask: Bool[Array, "*batch N"]
+    mover_tickets: Float[Array, "*batch M P 3"]
+
+
+def shares(movers: int) -> tuple[int, int]:
+    """How many of the 2048 points are on the static scene, and on each of `movers` boxes.
+
+    The reference evaluator draws 2048 of a union of 2048 static points and 1000 a box.
+    """
+    each = round(SCENE_POINTS * 1000 / (2048 + 1000 * movers)) if movers else 0
+    return SCENE_POINTS - movers * each, each
+
+
+def sample_static(
+    key: PRNGKeyArray, obstacles: Primitives, count: int
+) -> tuple[Float[Array, "count 3"], Bool[Array, " count"]]:
+    """Points uniform over the static surfaces at z >= 0: twice as many are drawn, the first kept."""
+    points, _ = sample_surface(key, obstacles, 2 * count)
+    above = points[:, 2] >= -1e-6
+    first = jnp.argsort(~above, stable=True)[:count]
+    kept = above[first] & obstacles.mask.any()
+    return jnp.where(kept[:, None], points[first], 0.0), kept
+
+
+def on_box(tickets: Float[Array, "P 3"], half_size: Float[Array, "3"]) -> Float[Array, "P 3"]:
+    """Points [m] on the surface of a box about the origin, uniform for tickets uniform in [0, 1).
+
+    The first ticket picks the face, by area; the others the place on it.
+    """
+    a, b, c = half_size[0], half_size[1], half_size[2]
+    first, second = b * c, b * c + a * c
+    face = tickets[:, 0] * (second + a * b)
+    u, v = (2.0 * tickets[:, i] - 1.0 for i in (1, 2))
+    on_x, on_y = face < first, (face >= first) & (face < second)
+    # The rest of the face ticket says which of the two opposite faces.
+    low = jnp.where(on_x, 0.0, jnp.where(on_y, first, second))
+    area = jnp.where(on_x, b * c, jnp.where(on_y, a * c, a * b))
+    side = jnp.where(face - low < 0.5 * area, -1.0, 1.0)
+    x = jnp.where(on_x, side, u)
+    y = jnp.where(on_x, u, jnp.where(on_y, side, v))
+    z = jnp.where(on_x | on_y, v, side)
+    return jnp.stack([a * x, b * y, c * z], axis=-1)
+
+
+def scene_cloud(cloud: Cloud, movers: Movers) -> tuple[Float[Array, "2048 3"], Bool[Array, "2048"]]:
+    """The scene points with the moving boxes where they are; points below z = 0 are left out."""
+    local = jax.vmap(on_box)(cloud.mover_tickets, movers.half_size)
+    r = movers.rotation[:, None]
+    x, y, z = local[..., 0], local[..., 1], local[..., 2]
+    turned = [r[..., i, 0] * x + r[..., i, 1] * y + r[..., i, 2] * z for i in range(3)]
+    moved = jnp.stack(turned, axis=-1) + movers.position[:, None]
+    active = movers.active
+    seen = active[:, None] & (moved[..., 2] >= 0.0)
+    moved = jnp.where(seen[..., None], moved, 0.0)
+    return (
+        jnp.concatenate([cloud.static_points, moved.reshape(-1, 3)]),
+        jnp.concatenate([cloud.static_mask, seen.reshape(-1)]),
+    )
+
+
+def robot_points() -> BodyPoints:
+    """The arm's surface points of the observation."""
+    return surface_points(ROBOT_POINTS)

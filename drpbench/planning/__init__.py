@@ -1,0 +1,1 @@
+"""Motion planning: collision checks, inverse kinematics, sampling planners and the trajectory optimiser."""

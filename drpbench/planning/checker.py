@@ -1,0 +1,182 @@
+"""Collision of the arm with a static scene and with itself, by C MuJoCo on the host.
+
+A model is compiled once, with `MAX_OBSTACLES` empty slots; a scene is written into the slots in
+place, so that changing it costs microseconds and not a compilation. A check runs MuJoCo's
+kinematics and collision detection and nothing else.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE
+from drpbench.robot import LINKS, PANDA_XML
+from drpbench.robot.mesh_arm import mesh_arm
+from drpbench.robot.spheres import SELF_COLLISION_BLOCKS
+
+# Collision bits: links against obstacles, and links against links (by pairs). link0 does not move
+# and stands on the table, so no motion puts it into an obstacle; see `base_clearance`.
+_OBSTACLE, _SELF = 1, 2
+_GEOM_TYPE = {
+    BOX: mujoco.mjtGeom.mjGEOM_BOX,
+    CYLINDER: mujoco.mjtGeom.mjGEOM_CYLINDER,
+    SPHERE: mujoco.mjtGeom.mjGEOM_SPHERE,
+}
+
+
+def _self_pairs() -> set[tuple[str, str]]:
+    """Pairs of links that can touch. The hand's frame carries the fingers."""
+    names = {i: (LINKS[i],) if i < 8 else LINKS[8:] for i in range(9)}
+    pairs = set()
+    for first, second in SELF_COLLISION_BLOCKS:
+        for a in first:
+            for b in second:
+                pairs |= {tuple(sorted((x, y))) for x in names[a] for y in names[b]}
+    return pairs
+
+
+class Checker:
+    """Clearance of the arm in one scene at a time.
+
+    `margin` [m] is the largest clearance that is told apart: everything farther reads as `margin`.
+    """
+
+    def __init__(self, spec: mujoco.MjSpec, margin: float):
+        self.margin = margin
+        self.model = _compile(spec, margin)
+        self.data = mujoco.MjData(self.model)
+        self._grip = self.model.site("grip").id
+        model = self.model
+        self._bodies = np.array([model.body(f"slot{i}").id for i in range(MAX_OBSTACLES)])
+        self._geoms = np.array([model.geom(f"slot{i}").id for i in range(MAX_OBSTACLES)])
+        self._volumes = model.body_bvhadr[self._bodies]
+        self.obstacle_count = 0
+        self._clear()
+
+    def _clear(self) -> None:
+        for bits in (self.model.geom_contype, self.model.geom_conaffinity):
+            bits[self._geoms] = 0
+        for bits in (self.model.body_contype, self.model.body_conaffinity):
+            bits[self._bodies] = 0
+
+    def set_scene(self, scene) -> None:
+        """Puts the obstacles of `scene` into the model, in place of those that were there."""
+        self.set_obstacles(scene.kind, scene.half_size, scene.position, scene.quaternion)
+
+    def set_obstacles(self, kind, half_size, position, quaternion) -> None:
+        """As `set_scene`, from arrays (n,), (n, 3), (n, 3), (n, 4); the first is the table."""
+        self._clear()
+        model = self.model
+        for slot in range(len(kind)):
+            geom, body, volume = self._geoms[slot], self._bodies[slot], self._volumes[slot]
+            half = np.asarray(half_size[slot], float)
+            model.geom_type[geom] = _GEOM_TYPE[int(kind[slot])]
+            # MuJoCo's sizes: (r, r, r) and (r, h/2, -) for spheres and cylinders, half extents else.
+            model.geom_size[geom] = half if kind[slot] != CYLINDER else (half[0], half[2], 0.0)
+            if kind[slot] == BOX:
+                model.geom_rbound[geom] = np.linalg.norm(half)
+            elif kind[slot] == CYLINDER:
+                model.geom_rbound[geom] = np.hypot(half[0], half[2])
+            else:
+                model.geom_rbound[geom] = half[0]
+            model.geom_aabb[geom] = (0, 0, 0, *half)
+            model.bvh_aabb[volume] = (0, 0, 0, *half)
+            model.body_pos[body] = position[slot]
+            model.body_quat[body] = quaternion[slot] / np.linalg.norm(quaternion[slot])
+            model.geom_conaffinity[geom] = model.body_conaffinity[body] = _OBSTACLE
+        self.obstacle_count = len(kind)
+
+    def clearance(self, q: np.ndarray) -> float:
+        """Smallest distance [m] of the arm at joints `q` (7,), at most `margin`.
+
+        Negative is a penetration, of an obstacle or of the arm with itself; a distance between two
+        links that do not touch does not count.
+        """
+        self.data.qpos[:7] = q
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_collision(self.model, self.data)
+        if self.data.ncon == 0:
+            return self.margin
+        return min(float(self.data.contact.dist.min()), self.margin)
+
+    def free(self, q: np.ndarray, clearance: float = 0.0) -> bool:
+        """Whether the arm at `q` (7,) is farther than `clearance` from all, and not in itself."""
+        return self.clearance(q) > clearance
+
+    def base_clearance(self) -> float:
+        """Distance [m], at most `margin`, of the immovable link0 from all obstacles but the table."""
+        mujoco.mj_kinematics(self.model, self.data)
+        base = self.model.body("link0")
+        own = range(base.geomadr[0], base.geomadr[0] + base.geomnum[0])
+        nearest = self.margin
+        for obstacle in self._geoms[1 : self.obstacle_count]:
+            for geom in own:
+                distance = mujoco.mj_geomDistance(
+                    self.model, self.data, geom, obstacle, self.margin, None
+                )
+                nearest = min(nearest, distance)
+        return nearest
+
+    def contacts(self, q: np.ndarray) -> list[tuple[str, str, float]]:
+        """Pairs (link, link or "obstacle i") within the margin at `q` (7,), with distances [m]."""
+        self.clearance(q)
+        found = []
+        for (a, b), distance in zip(self.data.contact.geom, self.data.contact.dist, strict=True):
+            names = [self.model.body(self.model.geom_bodyid[g]).name for g in (a, b)]
+            names = [n.replace("slot", "obstacle ") for n in names]
+            found.append((*sorted(names), float(distance)))
+        return sorted(found, key=lambda contact: contact[2])
+
+    def grip_pose(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Position (3,) and rotation matrix (3, 3) of the grip frame at `q` (7,)."""
+        self.data.qpos[:7] = q
+        mujoco.mj_kinematics(self.model, self.data)
+        return (
+            self.data.site_xpos[self._grip].copy(),
+            self.data.site_xmat[self._grip].reshape(3, 3).copy(),
+        )
+
+
+def sphere_checker(margin: float = 0.02) -> Checker:
+    """Checker on the arm's collision spheres."""
+    spec = mujoco.MjSpec.from_file(str(PANDA_XML))
+    by_link = json.loads((PANDA_XML.parent / "spheres.json").read_text())
+    for link in LINKS:
+        for x, y, z, radius in by_link[link]:
+            geom = spec.body(link).add_geom()
+            geom.type, geom.size, geom.pos = mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0], [x, y, z]
+    return Checker(spec, margin)
+
+
+def mesh_checker(model: Path, margin: float = 0.02) -> Checker:
+    """Checker on the real meshes, each by its convex hull, the fingers' too: a certificate may ask for
+    more room than the fingers need. `model` is what `drpbench.robot.find_mesh_model` returns.
+    """
+    return Checker(mesh_arm(model, finger_pieces=1), margin)
+
+
+def _compile(spec: mujoco.MjSpec, margin: float) -> mujoco.MjModel:
+    """The arm of `spec` with obstacle slots, set up for collision detection alone."""
+    for geom in spec.geoms:
+        geom.contype, geom.conaffinity = _OBSTACLE | _SELF, _SELF
+    pairs = _self_pairs()
+    for i, a in enumerate(LINKS):
+        for b in LINKS[i + 1 :]:
+            if tuple(sorted((a, b))) not in pairs:
+                spec.add_exclude(bodyname1=a, bodyname2=b)
+    for slot in range(MAX_OBSTACLES):
+        # One static body for each obstacle: MuJoCo's broad phase works on bodies.
+        body = spec.worldbody.add_body()
+        body.name, body.mass, body.inertia = f"slot{slot}", 1.0, [1.0, 1.0, 1.0]
+        body.explicitinertial = True
+        geom = body.add_geom()
+        geom.name, geom.type, geom.size = f"slot{slot}", mujoco.mjtGeom.mjGEOM_BOX, [0.1, 0.1, 0.1]
+        geom.margin = margin
+        geom.contype = geom.conaffinity = 0
+    spec.option.enableflags = 0
+    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    return spec.compile()

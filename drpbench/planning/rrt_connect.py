@@ -1,0 +1,152 @@
+"""RRT-Connect (Kuffner and LaValle, 2000) in joint space, and random shortcutting of its paths."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drpbench.planning import motion
+from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+
+from .checker import Checker
+from .mink_ik import LIMIT_MARGIN
+
+FINE = 0.01  # [m] of motion between checks near obstacles
+COARSE = 0.04  # [m] of motion between checks in the open
+_SPACING = 0.35  # [m] of motion between the nodes of a tree
+
+
+class Planner:
+    """Joint-space paths that keep `clearance` [m] from one checker's scene.
+
+    A motion is checked in steps as long as the clearance at the last step allows (nothing can come
+    closer than the arm moves), between `FINE` and `COARSE`. Effort is counted in checks and not in
+    seconds, so that a plan does not depend on the machine.
+    """
+
+    def __init__(self, checker: Checker, clearance: float):
+        self._checker, self._clearance = checker, clearance
+        self.checks = 0
+
+    def _walk(self, a: np.ndarray, b: np.ndarray) -> float:
+        """Share of the line from `a` (free) to `b` that can be walked; 1 is all of it."""
+        length = motion.bound(a, b)
+        if length == 0:
+            return 1.0
+        travelled, step = 0.0, FINE
+        while travelled < length:
+            ahead = min(travelled + step, length)
+            self.checks += 1
+            room = self._checker.clearance(a + (b - a) * (ahead / length)) - self._clearance
+            if room <= 0:
+                return travelled / length
+            travelled, step = ahead, min(max(room, FINE), COARSE)
+        return 1.0
+
+    def straight(self, a: np.ndarray, b: np.ndarray) -> bool:
+        """Whether the line from `a` to `b` is free from end to end."""
+        return self._walk(a, b) == 1.0
+
+    def plan(
+        self, rng: np.random.Generator, start: np.ndarray, goal: np.ndarray, max_checks: int
+    ) -> np.ndarray | None:
+        """Waypoints (k, 7) from `start` to `goal`, or None after `max_checks` checks."""
+        first_check = self.checks
+        if self.straight(start, goal):
+            return np.stack([start, goal])
+        here, there = _Tree(start), _Tree(goal)
+        lower, upper = JOINT_LOWER + LIMIT_MARGIN, JOINT_UPPER - LIMIT_MARGIN
+        while self.checks - first_check < max_checks:
+            if rng.uniform() < 0.5:
+                target = rng.uniform(lower, upper)
+            else:  # near the line between the two: most detours are not far
+                target = start + rng.uniform() * (goal - start) + rng.normal(0, 0.8, 7)
+                target = np.clip(target, lower, upper)
+            node = self._grow(here, target, reach=2 * _SPACING)
+            if node is not None:
+                meeting = self._grow(there, here.points[node], reach=np.inf)
+                if meeting is not None and np.array_equal(there.points[meeting], here.points[node]):
+                    path = here.path(node)[::-1] + there.path(meeting)[1:]
+                    path = path if np.array_equal(path[0], start) else path[::-1]
+                    return np.stack(path)
+            here, there = there, here
+        return None
+
+    def _grow(self, tree: _Tree, target: np.ndarray, reach: float) -> int | None:
+        """Walks from the nearest node towards `target`, at most `reach` [m]; the last node added."""
+        index = tree.nearest(target)
+        origin = tree.points[index]
+        length = motion.bound(origin, target)
+        goal = target if length <= reach else origin + (target - origin) * (reach / length)
+        share = self._walk(origin, goal)
+        end = goal if share == 1.0 else origin + (goal - origin) * share
+        walked = motion.bound(origin, end)
+        if walked < FINE:
+            return index if length < FINE and share == 1.0 else None
+        count = int(np.ceil(walked / _SPACING))
+        for k in range(1, count + 1):
+            point = end if k == count else origin + (end - origin) * (k / count)
+            index = tree.add(point, index)
+        return index
+
+    def shortcut(self, rng: np.random.Generator, path: np.ndarray, tries: int) -> np.ndarray:
+        """The path (k, 7) with random stretches replaced by straight ones, where those are free."""
+        path = list(path)
+        for _ in range(tries):
+            if len(path) == 2:
+                break
+            lengths = np.array(
+                [motion.bound(a, b) for a, b in zip(path[:-1], path[1:], strict=True)]
+            )
+            ends = np.concatenate([[0.0], np.cumsum(lengths)])
+            s, t = np.sort(rng.uniform(0, ends[-1], 2))
+            i, j = (min(int(np.searchsorted(ends, x, "right")) - 1, len(path) - 2) for x in (s, t))
+            if i == j:
+                continue
+            a = path[i] + (path[i + 1] - path[i]) * ((s - ends[i]) / lengths[i])
+            b = path[j] + (path[j + 1] - path[j]) * ((t - ends[j]) / lengths[j])
+            if motion.bound(a, b) < 0.98 * (t - s) and self.straight(a, b):
+                path[i + 1 : j + 1] = [a, b]
+        return self._without_needless(np.stack(path))
+
+    def _without_needless(self, path: np.ndarray) -> np.ndarray:
+        """The path without those waypoints that can be skipped."""
+        kept, index = [path[0]], 0
+        while index < len(path) - 1:
+            last = index + 1
+            for candidate in range(min(len(path) - 1, index + 6), index + 1, -1):
+                if self.straight(path[index], path[candidate]):
+                    last = candidate
+                    break
+            kept.append(path[last])
+            index = last
+        return np.stack(kept)
+
+
+class _Tree:
+    """Configurations with their parents, in an array that doubles when it is full."""
+
+    def __init__(self, root: np.ndarray):
+        self.points = np.empty((256, 7))
+        self.points[0] = root
+        self._parents = [-1]
+
+    def nearest(self, target: np.ndarray) -> int:
+        # Joints weighed by their levers: near is what the arm reaches with little motion.
+        offsets = (self.points[: len(self._parents)] - target) * motion.LEVER
+        return int(np.argmin(np.einsum("ij,ij->i", offsets, offsets)))
+
+    def add(self, point: np.ndarray, parent: int) -> int:
+        index = len(self._parents)
+        if index == len(self.points):
+            self.points = np.concatenate([self.points, np.empty_like(self.points)])
+        self.points[index] = point
+        self._parents.append(parent)
+        return index
+
+    def path(self, node: int) -> list[np.ndarray]:
+        """From `node` to the root."""
+        found = []
+        while node >= 0:
+            found.append(self.points[node].copy())
+            node = self._parents[node]
+        return found

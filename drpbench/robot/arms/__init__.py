@@ -1,0 +1,1 @@
+"""Arms, each a folder of its own."""

@@ -1,0 +1,88 @@
+"""Training problems are free of collision, repeatable, and never the benchmark's."""
+
+import numpy as np
+import pytest
+
+from drpbench.generation.training_problems import (
+    OBSTRUCTED_SHARE,
+    TRAINING_STREAM,
+    VALIDATION_STREAM,
+    Drawer,
+    evenly,
+)
+from drpbench.planning.checker import sphere_checker
+from drpbench.planning.motion import samples
+from drpbench.problems import TASKS, load
+from drpbench.robot import VELOCITY_LIMIT
+
+
+@pytest.fixture(scope="module")
+def checker():
+    return sphere_checker()
+
+
+def obstacles(one):
+    kept = (one.kind, one.half_size, one.position, one.quaternion)
+    return [values[one.mask] for values in kept]
+
+
+def test_a_problem_depends_on_its_number_alone(drawn):
+    again = Drawer("tests").draw(7)
+    for name in ("kind", "half_size", "position", "quaternion", "mask", "start", "goal", "hint"):
+        assert np.array_equal(getattr(again, name), getattr(drawn[7], name)), name
+
+
+def test_starts_are_free_and_goals_are_as_they_are_said_to_be(drawn, checker):
+    assert 0 < sum(one.obstructed for one in drawn) < len(drawn)
+    for one in drawn:
+        checker.set_obstacles(*obstacles(one))
+        assert checker.free(one.start)
+        assert checker.free(one.goal) != one.obstructed
+        assert np.array_equal(one.hint[0], one.start) and np.array_equal(one.hint[-1], one.goal)
+
+
+def test_hints_lead_round_all_that_does_not_stand_on_the_goal(drawn, checker):
+    for one in drawn:
+        if not one.obstructed:
+            checker.set_obstacles(*obstacles(one))
+            # Even steps cut the corners of the planner's path, which kept 6.5 mm.
+            assert min(checker.clearance(q) for q in samples(one.hint.astype(float), 0.02)) > -0.01
+
+
+def test_the_obstructed_share_is_what_is_stated():
+    drawer = Drawer("tests")
+    count = 150
+    share = np.mean([drawer.draw(number).obstructed for number in range(1000, 1000 + count)])
+    assert abs(share - OBSTRUCTED_SHARE) < 3.5 * np.sqrt(OBSTRUCTED_SHARE / count)
+
+
+def test_no_test_problem_is_among_those_learned_from():
+    """Neither its start nor its goal ever comes up: the streams share nothing, whatever the number."""
+    known = {
+        row.tobytes()
+        for task in TASKS
+        for problems in [load(task)]
+        for row in np.concatenate([problems.start, problems.goal])
+    }
+    for stream in (TRAINING_STREAM, VALIDATION_STREAM):
+        drawer = Drawer(stream)
+        for number in range(64):
+            one = drawer.draw(number)
+            assert one.start.tobytes() not in known and one.goal.tobytes() not in known
+
+
+def test_the_streams_differ():
+    a, b = Drawer(TRAINING_STREAM).draw(0), Drawer(VALIDATION_STREAM).draw(0)
+    assert not np.array_equal(a.start, b.start)
+
+
+def test_the_benchmarks_own_stream_is_refused():
+    with pytest.raises(ValueError, match="not for learning"):
+        Drawer("benchmark")
+
+
+def test_even_steps_take_even_times():
+    path = np.array([np.zeros(7), np.full(7, 1.0), np.full(7, 1.1)])
+    steps = (np.abs(np.diff(evenly(path, 33), axis=0)) / VELOCITY_LIMIT).max(axis=1)
+    assert np.allclose(steps, steps[0], rtol=1e-6)
+    assert np.allclose(evenly(path[:1], 5), 0.0)

@@ -1,0 +1,174 @@
+import json
+
+import pytest
+
+from drpbench.leaderboard import LeaderboardError, build, load_dir, wilson
+from drpbench.leaderboard.board import Rate
+from drpbench.leaderboard.statistics import Paired, mcnemar
+from drpbench.results import Result, ResultsError, save
+
+EXPECTED = {"SE": 6, "FDO": 3, "GB": 3}
+
+
+def refusal(results, expected=EXPECTED):
+    with pytest.raises(LeaderboardError) as caught:
+        build(results, expected)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_every_rate_is_counted_from_the_rows(make_header, make_row):
+    rows = [
+        make_row(id=0),
+        make_row(id=1, collided=True),
+        make_row(id=2, reached=False, reached_5cm=True),
+    ]
+    board = build({"a": Result(header=make_header(), rows=rows)}, EXPECTED)
+    cell = board.entries[0].cells["FDO"]
+    assert cell.success == Rate(1, 3)
+    assert cell.reached == Rate(2, 3)
+    assert cell.reached_5cm == Rate(3, 3)
+    assert cell.collided == Rate(1, 3)
+    assert cell.success.interval == wilson(1, 3)
+    assert cell.success.share == 1 / 3
+
+
+def test_overall_counts_rows_not_tasks(make_result):
+    board = build({"a": make_result(verdicts={"SE": "++++--", "FDO": "---"})}, EXPECTED)
+    assert board.entries[0].overall.success == Rate(4, 9)
+    assert board.tasks == ("SE", "FDO")
+
+
+def test_tasks_stand_in_the_expected_order(make_result):
+    board = build({"a": make_result(verdicts={"GB": "+++", "FDO": "---", "SE": "+"})}, EXPECTED)
+    assert board.tasks == tuple(board.entries[0].cells) == ("SE", "FDO", "GB")
+
+
+def test_policies_are_sorted_by_overall_success(make_result):
+    marks = {"b-low": "+--", "high": "+++", "a-low": "-+-"}
+    results = {name: make_result(name, {"FDO": verdicts}) for name, verdicts in marks.items()}
+    board = build(results, EXPECTED)
+    assert [entry.policy for entry in board.entries] == ["high", "a-low", "b-low"]
+
+
+def test_neighbours_are_compared_on_shared_instances(make_result):
+    board = build(
+        {
+            "a": make_result("a", {"FDO": "+++", "SE": "++++++"}),
+            "b": make_result("b", {"FDO": "+-x"}),
+            "c": make_result("c", {"SE": "------"}),
+        },
+        EXPECTED,
+    )
+    first, second, last = board.entries
+    assert first.against_next == Paired(2, 0, 3, mcnemar(2, 0))
+    assert second.against_next is None  # b ran FDO only and c SE only
+    assert last.against_next is None
+
+
+def test_fewer_rows_than_problems_is_partial(make_result):
+    results = {
+        "a": make_result("a", {"SE": "++++++", "FDO": "++"}),
+        "b": make_result("b", {"SE": "------", "FDO": "---", "GB": "---"}),
+    }
+    partial, whole = build(results, EXPECTED).entries
+    assert [partial.cells["SE"].partial, partial.cells["FDO"].partial] == [False, True]
+    assert partial.overall.partial
+    assert not whole.overall.partial
+
+
+def test_instances_that_do_not_count_are_in_no_denominator(make_header, make_row):
+    rows = [make_row("GB", i, reached=i != 1, valid=i != 0) for i in range(3)]
+    result = Result(header=make_header(tasks=("GB",)), rows=rows)
+    cell = build({"a": result}, EXPECTED).entries[0].cells["GB"]
+    assert cell.success == cell.reached == Rate(1, 2)
+    assert cell.left_out == 1
+    assert not cell.partial
+
+
+def test_a_task_where_nothing_counts_has_no_share(make_header, make_row):
+    result = Result(header=make_header(tasks=("GB",)), rows=[make_row("GB", valid=False)])
+    entry = build({"a": result}, EXPECTED).entries[0]
+    assert entry.cells["GB"].success == Rate(0, 0)
+    assert entry.cells["GB"].success.share == 0
+
+
+def test_files_of_one_policy_on_different_tasks_are_one_entry(make_result):
+    board = build(
+        {"a": make_result(verdicts={"SE": "++++++"}), "b": make_result(verdicts={"FDO": "+--"})},
+        EXPECTED,
+    )
+    (entry,) = board.entries
+    assert entry.overall.success == Rate(7, 9)
+
+
+def test_the_same_policy_twice_is_refused_with_both_files(make_result):
+    message = refusal({"one.json": make_result(), "two.json": make_result()})
+    assert message == "one.json and two.json both hold policy rmp on FDO; remove one"
+
+
+@pytest.mark.parametrize("changes", [{"policy_parameters": {"gain": 1.0}}, {"privileged": True}])
+def test_one_policy_with_different_parameters_is_refused(make_result, changes):
+    results = {
+        "one.json": make_result(verdicts={"FDO": "+"}),
+        "two.json": make_result(verdicts={"SE": "+"}, **changes),
+    }
+    assert refusal(results) == (
+        "one.json and two.json both hold policy rmp, with different parameters; remove one"
+    )
+
+
+@pytest.mark.parametrize(
+    "changes", [{"problem_set": "drpbench-v2"}, {"problem_set_sha256": "b" * 64}]
+)
+def test_different_problems_are_never_mixed(make_result, changes):
+    results = {"one.json": make_result(), "two.json": make_result("straight", **changes)}
+    message = refusal(results)
+    assert message.startswith("one.json and two.json were made on different problems")
+    assert next(iter(changes)) in message
+
+
+@pytest.mark.parametrize("verdicts", [{"FDO": "++++"}, {"XYZ": "+"}])
+def test_a_row_of_no_known_problem_is_refused(make_result, verdicts):
+    message = refusal({"one.json": make_result(verdicts=verdicts)})
+    assert message.startswith("one.json: drpbench-v1 has no problem ")
+
+
+def test_no_results_make_no_leaderboard():
+    assert refusal({}) == "no result to compare"
+
+
+def test_a_folder_is_read_by_file_name(tmp_path, make_result):
+    save(make_result("straight"), tmp_path / "b.json")
+    save(make_result("rmp"), tmp_path / "a.json")
+    (tmp_path / "c.json.partial").write_text("a run in progress")
+    (tmp_path / "README.md").write_text("what these are")
+    results = load_dir(tmp_path)
+    assert {name: result.header.policy for name, result in results.items()} == {
+        "a.json": "rmp",
+        "b.json": "straight",
+    }
+
+
+def test_a_damaged_file_is_never_skipped(tmp_path, make_result):
+    save(make_result(), tmp_path / "a.json")
+    bad = tmp_path / "b.json"
+    save(make_result("straight"), bad)
+    data = json.loads(bad.read_text())
+    data["rows"][1]["success"] = True
+    bad.write_text(json.dumps(data))
+    with pytest.raises(ResultsError) as caught:
+        load_dir(tmp_path)
+    assert str(caught.value).startswith(f"{bad}: rows[1]: FDO 1: success must be exactly")
+
+
+def test_an_empty_or_missing_folder_says_so(tmp_path):
+    with pytest.raises(LeaderboardError, match="holds no result file"):
+        load_dir(tmp_path)
+    with pytest.raises(LeaderboardError, match="no such folder"):
+        load_dir(tmp_path / "none")
+    (tmp_path / "a.json").touch()
+    with pytest.raises(
+        LeaderboardError, match="a.json: is no folder; one of result files is meant"
+    ):
+        load_dir(tmp_path / "a.json")

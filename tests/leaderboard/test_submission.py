@@ -1,0 +1,248 @@
+"""Submitting: what contradicts itself is refused in one line, and a correct result finds its place."""
+
+import json
+import re
+import sys
+
+import pytest
+
+from drpbench.cli import app as cli
+from drpbench.leaderboard import load_dir
+from drpbench.leaderboard.submission import assess, check
+from drpbench.problems import counts
+from drpbench.results import Header, Result, ResultsError, Row, load
+from drpbench.results.shipped import shipped_results
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    """The baselines' alone: what the best policy's rows say must not move the places below."""
+    baselines = ("hold.json", "rmp.json", "straight+dcp-rmp.json", "straight.json")
+    results = load_dir(shipped_results())
+    return {name: results[name] for name in baselines}
+
+
+@pytest.fixture(scope="module")
+def fdo(shipped):
+    """The rows of FDO of `straight`, as a run of another policy."""
+    return restricted(shipped["straight.json"], ("FDO",), policy="mine")
+
+
+def restricted(result, tasks, **changes):
+    header = result.header.model_dump() | {"tasks": list(tasks), "problems": dict.fromkeys(tasks)}
+    rows = [row for row in result.rows if row.task in tasks]
+    return Result(header=Header(**(header | changes)), rows=rows)
+
+
+def edited(result, wanted, **changes):
+    """The result with one row changed by hand, the first that `wanted` picks; the schema lets it pass."""
+    rows = list(result.rows)
+    index = next(i for i, row in enumerate(rows) if wanted(row))
+    rows[index] = Row(**(rows[index].model_dump() | changes))
+    return Result(header=result.header, rows=rows)
+
+
+def test_what_is_shipped_is_correct():
+    for name, result in load_dir(shipped_results()).items():
+        check(name, result)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "changes", "told"),
+    [
+        (
+            lambda row: not row.reached and not row.collided and row.task == "SE",
+            {"success": True, "reached": True, "reached_5cm": True, "reached_once": True}
+            | {"time_to_goal": 9.0},
+            "reached is true, but the errors at the end are",
+        ),
+        (
+            lambda row: row.success,
+            {"success": False, "reached": False, "time_to_goal": None},
+            "reached is false, but the errors",
+        ),
+        (lambda row: row.reached, {"position_error": 0.02}, "0.02 m"),
+        (lambda row: row.reached, {"orientation_error": 0.3}, "0.3 rad"),
+        (
+            lambda row: not row.reached and row.reached_5cm,
+            {"reached_5cm": False},
+            "reached_5cm is false",
+        ),
+        (
+            lambda row: row.collided and not row.reached,
+            {"collided": False, "first_collision_step": None, "first_collision_link": None},
+            "min_clearance must be below zero exactly where collided is true",
+        ),
+        (lambda row: not row.collided, {"min_clearance": -0.001}, "min_clearance"),
+        (lambda row: row.collided, {"first_collision_step": 1000}, "1000 of 1000"),
+        (lambda row: row.collided, {"first_collision_link": "link0"}, "'link0'"),
+        (lambda row: row.reached, {"time_to_goal": 17.0}, "17.0 s of 16.7 s"),
+        (lambda row: row.task == "FDO", {"valid": False}, "valid may be false only in GB"),
+        (lambda row: row.family == "table", {"family": "shelf"}, "its family is table, not shelf"),
+    ],
+)
+def test_a_row_edited_by_hand_is_named(shipped, wanted, changes, told):
+    result = edited(shipped["rmp.json"], wanted, **changes)
+    with pytest.raises(ResultsError, match=told) as refused:
+        check("x.json", result)
+    assert str(refused.value).startswith("x.json: ") and "\n" not in str(refused.value)
+
+
+def test_an_error_that_rounds_to_the_threshold_is_on_either_side(fdo):
+    def reached(row):
+        return row.reached
+
+    check("x.json", edited(fdo, reached, position_error=0.01))
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"problem_set": "drpbench-v0"}, "drpbench-v0; this drpbench has drpbench-v1"),
+        ({"problem_set_sha256": "0" * 64}, "on other problems than drpbench-v1's"),
+        ({"tasks": ["XYZ"], "problems": {"XYZ": None}}, "no task XYZ; the tasks are SE"),
+        ({"problems": {"FDO": [200]}}, "no problem 200 in FDO; ids go from 0 to 199"),
+    ],
+)
+def test_a_header_of_other_problems_is_refused(fdo, changes, told):
+    rows = [] if "tasks" in changes else fdo.rows
+    if "problems" in changes and rows:
+        rows = [Row(**(rows[0].model_dump() | {"id": 200}))]
+    result = Result(header=Header(**(fdo.header.model_dump() | changes)), rows=rows)
+    with pytest.raises(ResultsError, match=told):
+        check("x.json", result)
+
+
+def test_an_id_out_of_range_is_named(fdo):
+    stranger = Row(**(fdo.rows[0].model_dump() | {"id": 200}))
+    with pytest.raises(
+        ResultsError, match="FDO 200: there is no such problem; ids go from 0 to 199"
+    ):
+        check("x.json", Result(header=fdo.header, rows=[*fdo.rows, stranger]))
+
+
+def test_a_whole_run_has_a_place_in_every_task(shipped):
+    mine = restricted(shipped["straight+dcp-rmp.json"], counts(), policy="mine")
+    found = assess({"x.json": mine}, shipped)
+    places = {standing.task: (standing.place, standing.of) for standing in found.standings}
+    # As the table of the shipped results has it; ties share a place, `hold` has no valid row in GB.
+    assert places == {
+        "SE": (2, 5),
+        "SAO": (2, 5),
+        "FDO": (2, 5),
+        "GB": (2, 4),
+        "DGB": (2, 5),
+        "All": (2, 5),
+    }
+    assert {standing.ahead for standing in found.standings} == {"rmp"}
+    assert found.missing == () and found.notes == ()
+    low, high = found.entry.overall.success.interval
+    assert low < found.entry.overall.success.share < high
+
+
+def test_an_entry_again_is_compared_with_the_others_alone(shipped):
+    found = assess({"x.json": shipped["rmp.json"]}, shipped)
+    assert [standing.of for standing in found.standings] == [4, 4, 4, 3, 4, 4]
+    assert any("rmp has already" in note for note in found.notes)
+
+
+def test_what_is_missing_is_said(shipped, fdo):
+    few = Result(
+        header=Header(**(fdo.header.model_dump() | {"problems": {"FDO": [0, 1]}, "seed": 3})),
+        rows=fdo.rows[:2],
+    )
+    found = assess({"x.json": few}, shipped)
+    assert found.missing == (
+        "SE: all 3200 problems",
+        "SAO: all 300 problems",
+        "FDO: 198 of 200 problems",
+        "GB: all 200 problems",
+        "DGB: all 400 problems",
+        "seed 0: this is seed 3, so boxes and points are others",
+    )
+    assert all(standing.place is None for standing in found.standings)
+
+
+def test_files_of_one_policy_are_one_entry(shipped):
+    parts = {
+        f"{task}.json": restricted(shipped["straight.json"], (task,), policy="mine")
+        for task in counts()
+    }
+    found = assess(parts, shipped)
+    assert found.missing == () and not found.entry.overall.partial
+
+
+def test_files_of_two_policies_are_refused(shipped):
+    both = {name: shipped[name] for name in ("rmp.json", "hold.json")}
+    with pytest.raises(ResultsError, match="two policies, rmp and hold"):
+        assess(both, shipped)
+
+
+def test_other_versions_and_privilege_are_noted(shipped, fdo):
+    versions = fdo.header.versions | {"jax": "0.11.9"}
+    odd = restricted(fdo, ("FDO",), versions=versions, privileged=True)
+    notes = "\n".join(assess({"x.json": odd}, shipped).notes)
+    assert "jax 0.11.9" in notes and "privileged" in notes
+
+
+def command(monkeypatch, capsys, *arguments):
+    """Exit code, stdout and stderr of `drpbench ...`, in this process."""
+    monkeypatch.setattr(sys, "argv", ["drpbench", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    shown = capsys.readouterr()
+    return ended.value.code or 0, " ".join(shown.out.split()), shown.err
+
+
+def test_the_command_shows_places_and_intervals(monkeypatch, capsys):
+    code, shown, _ = command(monkeypatch, capsys, "submit", shipped_results() / "rmp.json")
+    assert code == 0
+    assert (
+        re.search(r"place \d of \d", shown) and "135/200 67.5" in shown and "[60.7, 73.6]" in shown
+    )
+
+
+def test_the_command_ends_with_1_where_something_is_missing(monkeypatch, capsys, fdo, tmp_path):
+    from drpbench.results import save
+
+    save(fdo, tmp_path / "mine.json")
+    code, shown, _ = command(monkeypatch, capsys, "submit", tmp_path / "mine.json")
+    assert code == 1
+    assert "SE all 3200 problems" in shown and "FDO place" in shown
+
+
+@pytest.mark.parametrize(
+    "edit", ["cut", "success", "collided", "step", "again", "missing", "family"]
+)
+def test_a_damaged_file_is_one_line_and_exit_code_2(monkeypatch, capsys, fdo, tmp_path, edit):
+    from drpbench.results import save
+
+    path = tmp_path / "mine.json"
+    save(fdo, path)
+    content = json.loads(path.read_text())
+    row = content["rows"][0]
+    if edit == "success":
+        row["success"] = not row["success"]
+    elif edit == "collided":
+        row["collided"] = not row["collided"]
+    elif edit == "step":
+        row["first_collision_step"] = None if row["collided"] else 10
+    elif edit == "again":
+        content["rows"].append(row)
+    elif edit == "missing":
+        content["header"]["problems"]["FDO"] = list(range(200))
+        content["rows"].pop()
+    elif edit == "family":
+        row["family"] = "nothing"
+    text = json.dumps(content)
+    path.write_text(text[: len(text) // 2] if edit == "cut" else text)
+    assert edit in ("cut", "family") or _refused_by_the_schema(path)
+    for verb in ("submit", "verify"):
+        code, _, told = command(monkeypatch, capsys, verb, path)
+        assert code == 2 and told.count("\n") == 1 and told.startswith(f"drpbench: {path}: ")
+
+
+def _refused_by_the_schema(path):
+    with pytest.raises(ResultsError):
+        load(path)
+    return True

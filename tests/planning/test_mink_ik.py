@@ -1,0 +1,41 @@
+"""Inverse kinematics on the host."""
+
+import numpy as np
+import pytest
+
+from drpbench.geometry import host_rotation as rotation
+from drpbench.planning.mink_ik import LIMIT_MARGIN, InverseKinematics
+from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER
+
+
+@pytest.fixture(scope="module")
+def solver():
+    return InverseKinematics()
+
+
+def test_solutions_reach_the_pose_within_limits_and_clear(solver, spheres, obstacles):
+    spheres.set_obstacles(*obstacles())
+    rng, solved = np.random.default_rng(0), 0
+    for _ in range(30):
+        position, matrix = spheres.grip_pose(HOME + rng.normal(0, 0.2, 7))
+        quaternion = rotation.from_matrix(matrix)
+        q = solver.solve(rng, position, quaternion, spheres, 0.02, seeds=6)
+        if q is None:
+            continue
+        solved += 1
+        there, turned = spheres.grip_pose(q)
+        assert np.linalg.norm(there - position) < 1.5e-3
+        assert np.arccos(np.clip((np.trace(matrix.T @ turned) - 1) / 2, -1, 1)) < 3e-3
+        assert np.all(q > JOINT_LOWER + LIMIT_MARGIN - 1e-6)
+        assert np.all(q < JOINT_UPPER - LIMIT_MARGIN + 1e-6)
+        assert spheres.clearance(q) > 0.02
+    assert solved >= 27
+
+
+def test_a_pose_out_of_reach_or_in_an_obstacle_has_none(solver, spheres, obstacles):
+    spheres.set_obstacles(*obstacles())
+    rng, (position, matrix) = np.random.default_rng(0), spheres.grip_pose(HOME)
+    quaternion = rotation.from_matrix(matrix)
+    assert solver.solve(rng, position + (1.0, 0, 0), quaternion, spheres, 0.0) is None
+    spheres.set_obstacles(*obstacles((2, (0.05,) * 3, position)))
+    assert solver.solve(rng, position, quaternion, spheres, 0.0) is None

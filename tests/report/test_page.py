@@ -1,0 +1,455 @@
+"""The report: its figures against the rows, its HTML without a browser, and its script in one."""
+
+import base64
+import io
+import json
+from html.parser import HTMLParser
+from pathlib import PurePath
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from drpbench.cli.app import app
+from drpbench.leaderboard import build, load_dir, wilson
+from drpbench.problems import counts
+from drpbench.recording import RecordingError, Replay
+from drpbench.recording.container import MAGIC
+from drpbench.report.figures import (
+    CLEARANCES,
+    COLLIDED,
+    ERRORS,
+    FAILED,
+    LEFT,
+    NOT_REACHED,
+    TIMES,
+    cell,
+    figures,
+    reason,
+)
+from drpbench.report.page import render, write_report
+from drpbench.report.pictures import SIZE, pictures, telling
+from drpbench.report.recordings import Kept, kept
+from drpbench.results import save
+from drpbench.results.shipped import shipped_results
+
+from ..result_rows import result, row
+
+EXPECTED = {"SE": 4, "FDO": 3}
+HOSTILE = "<script>throw 1</script><!--\"'&{{data}}</title>"
+DOT = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
+VOID = {"meta", "link", "input", "br"}
+
+
+def some_results():
+    """Two policies, one of them privileged and of a hostile name."""
+    good = [row("SE", i) for i in range(4)] + [row("FDO", i, collided=i == 2) for i in range(3)]
+    poor = [row("SE", i, reached=False, family=HOSTILE) for i in range(4)]
+    poor += [row("FDO", 0, collided=True, first_collision_link=HOSTILE)]
+    poor += [row("FDO", 1, reached=False, status=HOSTILE), row("FDO", 2)]
+    hostile = result(HOSTILE, poor, privileged=True, device=HOSTILE)
+    return {"good.json": result("good", good), "it's.json": hostile}
+
+
+class Page(HTMLParser):
+    """Open tags must be closed; keeps the text of each table's cells and of each script."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.open, self.tags, self.tables, self.scripts, self.links = [], [], [], [], []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        self.links += [value for name, value in attributes if name in ("src", "href")]
+        if tag not in VOID:
+            self.open.append(tag)
+        match tag:
+            case "table":
+                self.tables.append([])
+            case "tr":
+                self.tables[-1].append([])
+            case "th" | "td":
+                self.tables[-1][-1].append("")
+            case "script":
+                self.scripts.append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if "script" in self.open:
+            self.scripts[-1] += data
+        elif self.open and {"th", "td"} & set(self.open):
+            self.tables[-1][-1][-1] += data
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return load_dir(shipped_results())
+
+
+def test_the_figures_of_the_shipped_results_are_their_rows_counted_one_by_one(shipped):
+    drawn = figures(build(shipped, counts()), shipped, PurePath("x"), {}, {})
+    assert sum(c["n"] for c in drawn["cells"]) == sum(
+        r.valid for f in shipped.values() for r in f.rows
+    )
+    for c in drawn["cells"][::3]:
+        policy, task = drawn["policies"][c["policy"]]["name"], drawn["tasks"][c["task"]]
+        rows = [
+            r
+            for f in shipped.values()
+            for r in f.rows
+            if f.header.policy == policy and r.task == task and r.valid
+        ]
+        k = sum(r.success for r in rows)
+        assert c["success"] == pytest.approx([k, len(rows), *wilson(k, len(rows))], abs=1e-6)
+        assert [sum(f[1] for f in c["families"]), sum(f[2] for f in c["families"])] == [
+            k,
+            len(rows),
+        ]
+        assert c["times"][-1] == k
+        for j in (10, 40, 77):
+            steps = [round(60 * r.time_to_goal) for r in rows if r.success]
+            assert c["times"][j] == sum(step <= 10 * j for step in steps)
+            assert c["errors"][j] == sum(
+                r.position_error is not None and r.position_error < ERRORS[j] for r in rows
+            )
+        below_zero = sum(c["clearances"][: int(np.argmin(np.abs(CLEARANCES))) + 1])
+        assert below_zero == sum(r.collided for r in rows)
+        assert sum(c["clearances"]) == sum(r.min_clearance is not None for r in rows)
+
+
+def test_failures_are_listed_with_their_reason_and_the_command_that_shows_them():
+    results = some_results()
+    failures = figures(build(results, EXPECTED), results, PurePath("a b"), {}, {})["failures"]
+    columns = failures["columns"]
+    found = zip(columns["policy"], columns["task"], columns["id"], columns["reason"], strict=True)
+    assert list(found) == [
+        (0, 1, 2, COLLIDED),
+        *((1, 0, i, NOT_REACHED) for i in range(4)),
+        (1, 1, 0, COLLIDED),
+        (1, 1, 1, FAILED),
+    ]
+    assert failures["replays"] == [
+        "drpbench replay 'a b/good.json'",
+        """drpbench replay 'a b/it'"'"'s.json'""",
+    ]
+    assert [columns["replay"][i] for i in (0, 1)] == [0, 1]
+    assert (columns["step"][0], failures["links"][columns["link"][0]]) == (30, "hand")
+    assert columns["position"][1] == 3000 and columns["orientation"][1] == 57
+    assert failures["statuses"][columns["status"][-1]] == HOSTILE
+
+
+def test_rows_that_are_not_valid_stand_in_no_figure():
+    rows = [row(id=0), row(id=1, valid=False), row(id=2, reached=False, valid=False)]
+    results = {"a": result("a", rows)}
+    drawn = figures(build(results, EXPECTED), results, PurePath(), {}, {})
+    assert drawn["cells"][0]["n"] == drawn["cells"][0]["clearances"][8 + 1] == 1
+    assert drawn["failures"]["columns"]["id"] == []
+
+
+def test_a_row_that_failed_to_run_stays_in_every_denominator():
+    fields = {"position_error": None, "min_clearance": None, "status": "nan"}
+    drawn = cell([row(), row(id=1, reached=False, **fields)])
+    assert drawn["n"] == 2 and drawn["times"][-1] == 1 == drawn["errors"][-1]
+    assert len(drawn["times"]) == len(TIMES) and len(drawn["errors"]) == len(ERRORS)
+
+
+def test_the_reason_is_the_first_that_holds():
+    assert reason(row(reached=False, collided=True, status="nan")) == FAILED
+    assert reason(row(reached=False, collided=True, reached_once=True)) == COLLIDED
+    assert reason(row(reached=False, reached_once=True)) == LEFT
+    assert reason(row(reached=False)) == NOT_REACHED
+
+
+def test_the_page_is_whole_needs_nothing_else_and_says_what_the_leaderboard_says():
+    page = Page(render(some_results(), EXPECTED))
+    assert not page.open and page.links == ["data:,"]
+    assert page.tables[0][0] == ["Policy", "SE", "FDO", "All"]
+    assert [line[0] for line in page.tables[0][1:]] == ["good", HOSTILE + "†"]
+    assert page.tables[0][1][1] == "100 [51.0, 100]4/4"
+    assert page.tables[0][1][2] == "66.7 [20.8, 93.9]2/3"
+
+
+def test_what_result_files_say_is_text_and_nothing_else():
+    html = render(some_results(), EXPECTED)
+    page = Page(html)
+    assert len(page.scripts) == 2 and html.count("<script>throw") == 0
+    assert html.count("<!--") == 0
+    data = json.loads(page.scripts[0])
+    assert data["policies"][1] == {"name": HOSTILE, "privileged": True}
+
+
+def test_the_command_writes_the_report_and_refuses_another_ending(tmp_path):
+    for name, found in some_results().items():
+        save(found, tmp_path / "results" / name)
+    out = tmp_path / "new" / "report.html"
+    told = CliRunner().invoke(app, ["report", str(tmp_path / "results"), "--out", str(out)])
+    assert told.exit_code == 0 and f"wrote {out}" in told.output
+    assert f"drpbench replay {tmp_path}/results/good.json" in out.read_text()
+    assert [path.name for path in out.parent.iterdir()] == ["report.html"]
+    wrong = CliRunner().invoke(app, ["report", "--out", str(tmp_path / "results" / "good.json")])
+    assert "must end in .html" in str(wrong.exception)
+
+
+def test_what_lies_beside_a_result_is_found_and_moves_with_the_report(tmp_path):
+    folder = tmp_path / "a b" / "good"
+    folder.mkdir(parents=True)
+    (folder / "FDO-00002.mcap").write_bytes(2 * MAGIC)
+    (folder / "FDO-00004.mcap").write_bytes(MAGIC + b"half")
+    (folder / "FDO-2.mcap").write_bytes(2 * MAGIC)
+    for name in ("FDO-00002.mp4", "SE-00001.webp", "SE-grid-4.mp4"):
+        (folder / name).touch()
+    for name in ("FDO-00003.txt", ".FDO-00003.1.tmp.mp4", "notes.mp4"):
+        (folder / name).touch()
+    found = kept(folder, tmp_path)
+    assert found.address == "a%20b/good"
+    assert found.episodes == {("FDO", 2): [0, 2], ("SE", 1): [1]}
+    assert found.grids == ["SE-grid-4.mp4"]
+    assert kept(folder, tmp_path / "a b" / "pages").address == "../good"
+    assert kept(tmp_path / "none", tmp_path) == Kept()
+
+
+def test_the_written_page_links_to_recordings(tmp_path):
+    (tmp_path / "good").mkdir()
+    (tmp_path / "good" / "FDO-00002.mcap").write_bytes(2 * MAGIC)
+    write_report(tmp_path / "report.html", some_results(), EXPECTED, tmp_path)
+    data = json.loads(Page((tmp_path / "report.html").read_text()).scripts[0])
+    places = data["failures"]["columns"]
+    ((place, kinds),) = data["gallery"]["kept"]
+    assert (places["replay"][place], places["id"][place]) == (0, 2)
+    assert [data["gallery"]["kinds"][kind] for kind in kinds] == [".mcap"]
+    assert data["gallery"]["folders"] == ["good", ""]
+
+
+def test_telling_failures_are_of_all_kinds():
+    rows = [row("SE", i, collided=True) for i in range(5)] + [row("SE", 5)]
+    rows += [row("SE", 6, reached=False), row("FDO", 9, reached=False)]
+    rows += [row("FDO", 3, reached=False, valid=False), row("FDO", 4, reached=False, status="nan")]
+    assert [(r.task, r.id) for r in telling(rows[::-1], 5)] == [
+        ("FDO", 9),
+        ("SE", 0),
+        ("SE", 6),
+        ("SE", 1),
+        ("SE", 2),
+    ]
+    assert telling(rows, 0) == [] and len(telling(rows, 99)) == 7
+
+
+@pytest.fixture
+def failed(stored):
+    """A stored result of which no row is a success, and the path of its file."""
+    found, path = stored
+    rows = [r.model_copy(update={"success": False}) for r in found.rows]
+    assert any(r.collided for r in rows)
+    return found.model_copy(update={"rows": rows}), path
+
+
+def test_pictures_are_small_and_show_the_contact(failed):
+    found, path = failed
+    drawn = pictures({"run.json": found}, path.parent, 9, False, pytest.fail)
+    assert {id for _, _, id in drawn} == {r.id for r in found.rows}
+    for one in found.rows:
+        kind, _, text = drawn["run.json", "FDO", one.id].partition(",")
+        assert kind == "data:image/webp;base64" and len(text) < 12_000
+        picture = Image.open(io.BytesIO(base64.b64decode(text)))
+        assert picture.size == SIZE
+        red, green, blue = np.asarray(picture.convert("RGB"), int).reshape(-1, 3).T
+        painted = ((red - green > 100) & (red - blue > 100) & (green < 90)).sum()
+        assert (painted > 10) == one.collided, painted
+        assert len(set(zip(red, green, blue, strict=True))) > 500
+
+
+def test_of_each_policy_so_many_and_only_what_was_saved(failed, tmp_path):
+    found, path = failed
+    path.with_name("later.npz").write_bytes(path.with_suffix(".npz").read_bytes())
+    other = found.model_copy(
+        update={"header": found.header.model_copy(update={"policy": "straight"})}
+    )
+    results = {"run.json": found, "later.json": other, "unsaved.json": other}
+    drawn = pictures(results, path.parent, 2, False, pytest.fail)
+    assert [name for name, _, _ in drawn] == ["run.json"] * 2 + ["later.json"] * 2
+
+
+def test_what_came_out_differently_has_no_picture(failed, rolled, tmp_path, monkeypatch):
+    found, _ = failed
+    asked = []
+
+    class Again:
+        def __init__(self, result, path):
+            asked.append(path)
+
+        def replay(self, rows):
+            places = [rolled.ids.index(row.id) for row in rows]
+            remarks = ["FDO 3 came out differently", None, None]
+            return [Replay(rolled.rows[i], rolled.episodes[i], remarks[i]) for i in places]
+
+    monkeypatch.setattr("drpbench.report.pictures.Replayer", Again)
+    told = []
+    drawn = pictures({"run.json": found}, tmp_path, 9, True, told.append)
+    assert asked == [tmp_path / "run.json"] and told == ["FDO 3 came out differently"]
+    assert sorted(id for _, _, id in drawn) == rolled.ids[1:]
+
+
+def test_trajectories_of_another_run_are_named_and_not_drawn(failed):
+    found, path = failed
+    moved = [r.model_copy(update={"position_error": r.position_error + 0.002}) for r in found.rows]
+    whole = path.with_suffix(".npz").read_bytes()
+    path.with_name("cut.npz").write_bytes(whole[:500])
+    results = {"run.json": found.model_copy(update={"rows": moved}), "cut.json": found}
+    told = []
+    assert pictures(results, path.parent, 1, False, told.append) == {}
+    assert len(told) == 2
+    assert "no pictures of cut.json" in told[0] and "not a readable trajectory" in told[0]
+    assert "does not belong to this result" in told[1]
+
+
+def test_the_command_draws_what_was_saved_and_says_why_it_cannot(stored, tmp_path, monkeypatch):
+    found, path = stored
+    save(found, path)
+    page, failures = path.with_name("report.html"), sum(not r.success for r in found.rows)
+
+    def report(*options):
+        return CliRunner().invoke(app, ["report", str(path.parent), "--out", str(page), *options])
+
+    def drawn():
+        return page.read_text().count("data:image/webp")
+
+    monkeypatch.setenv("DRPBENCH_CACHE", "off")
+    assert report().exit_code == 0 and drawn() == failures > 0
+    assert report("--thumbnails", "0").exit_code == 0 and drawn() == 0
+    assert "must not be negative" in str(report("--thumbnails", "-1").exception)
+
+    monkeypatch.setenv("MUJOCO_GL", "glfw")
+    told = report()
+    assert told.exit_code == 0 and drawn() == 0
+    assert "a report without pictures: MUJOCO_GL=glfw" in told.output
+    assert isinstance(report("--thumbnails", "1").exception, RecordingError)
+
+
+def opened(browser, path, results, expected, **shown):
+    path.write_text(render(results, expected, "results", **shown), encoding="utf-8")
+    browser.errors.clear()
+    browser.requests.clear()
+    browser.open(path)
+    asked = [address for address in browser.requests if not address.startswith("data:")]
+    assert asked == [path.resolve().as_uri()]
+
+
+LINES = (
+    "[...document.querySelectorAll('#failed tr')].map(r => [...r.cells].map(c => c.textContent))"
+)
+RANKED = (
+    "[...document.querySelectorAll('.measure[open] tbody tr')].filter(r => !r.hidden)"
+    ".map(r => r.cells[0].textContent)"
+)
+
+
+def test_a_browser_draws_sorts_and_filters_without_complaint(browser, tmp_path):
+    opened(browser, tmp_path / "report.html", some_results(), EXPECTED)
+    js = browser.js
+    assert js("document.querySelectorAll('#bars .card svg').length") == 2
+    assert js("document.querySelectorAll('#times .line, #errors .line').length") == 4
+    assert js("document.querySelectorAll('#clearances svg').length") == 2
+
+    assert js(RANKED) == ["good", HOSTILE + "†"]
+    js("document.querySelectorAll('.measure[open] thead button')[1].click()")
+    js("document.querySelectorAll('.measure[open] thead button')[1].click()")
+    assert js(RANKED) == [HOSTILE + "†", "good"]
+    assert js("document.querySelector('.measure[open] [aria-sort]').ariaSort") == "ascending"
+
+    listed = js(LINES)
+    assert len(listed) == 7 and listed[0][:5] == [
+        "good",
+        "FDO",
+        "2",
+        "box",
+        "collided: hand at step 30",
+    ]
+    assert listed[0][7] == "drpbench replay results/good.json --id 2 --task FDO"
+    assert listed[-1][:5] == [HOSTILE, "FDO", "1", "box", f"failed to run: {HOSTILE}"]
+    js("document.querySelectorAll('.list thead button')[2].click()")  # by id
+    assert [line[2] for line in js(LINES)] == ["0", "0", "1", "1", "2", "2", "3"]
+    choose = "const c = {}; c.value = {}; c.dispatchEvent(new Event('change'))"
+    js("{" + choose.format("document.querySelector('[data-filter=reason]')", COLLIDED) + "}")
+    assert [line[:3] for line in js(LINES)] == [[HOSTILE, "FDO", "0"], ["good", "FDO", "2"]]
+    js("{" + choose.format("document.getElementById('task')", 0) + "}")
+    assert js(LINES) == [] and js("document.querySelectorAll('#bars .card').length") == 1
+    assert js(
+        "[...document.querySelectorAll('.measure[open] th[data-task]')].map(c => c.hidden)"
+    ) == [
+        False,
+        True,
+        True,
+    ]
+
+    js("document.getElementById('privileged').click()")
+    assert js(RANKED) == ["good"] and js("document.querySelectorAll('#times .line').length") == 1
+    js("document.querySelector('#policies input').click()")
+    assert js(RANKED) == [] and "No policy" in js("document.getElementById('times').textContent")
+    assert js("document.scripts.length") == 2
+    assert browser.errors == []
+
+
+def test_pictures_of_failures_open_the_recordings_beside_the_results(browser, tmp_path):
+    episodes = {("FDO", 2): (0, 2), ("FDO", 1): (2,)}
+    beside = {"good.json": Kept("runs/my%20good", episodes, ["FDO-grid-4.mp4"])}
+    drawn = {("good.json", "FDO", 2): DOT, ("it's.json", "SE", 3): DOT}
+    page = tmp_path / "report.html"
+    opened(browser, page, some_results(), EXPECTED, recordings=beside, pictures=drawn)
+    js = browser.js
+    figures = (
+        "[...document.querySelectorAll('#pictures figure')].map(f => [f.querySelector('img').alt,"
+        " [...f.querySelectorAll('a')].map(a => a.getAttribute('href')), f.querySelector('code')?.textContent])"
+    )
+    video, recording = "runs/my%20good/FDO-00002.mp4", "runs/my%20good/FDO-00002.mcap"
+    assert js(figures) == [
+        ["good, FDO 2, collided: hand at step 30", [video, video, recording], None],
+        [
+            f"{HOSTILE}, SE 3, not reached",
+            [],
+            "drpbench replay 'results/it'\"'\"'s.json' --id 3 --task SE",
+        ],
+    ]
+    assert js("[...document.images].every(i => i.complete && i.naturalWidth === 1)")
+    assert js(
+        "[...document.querySelectorAll('#failed a')].map(a => [a.getAttribute('href'), a.textContent])"
+    ) == [[video, "video"], [recording, "recording"]]
+    grids = "[...document.querySelectorAll('#failures > p a')].map(a => [a.href, a.textContent])"
+    there = (tmp_path / "runs" / "my good" / "FDO-grid-4.mp4").as_uri()
+    assert js(grids) == [[there, "runs/my good/FDO-grid-4.mp4"]]
+    choose = "{const c = document.getElementById('task'); c.value = 0; c.dispatchEvent(new Event('change'))}"
+    js(choose)
+    assert [figure[2] is None for figure in js(figures)] == [False]
+    assert browser.errors == []
+
+
+def test_a_page_without_pictures_shows_no_gallery(browser, tmp_path):
+    opened(browser, tmp_path / "report.html", some_results(), EXPECTED)
+    assert browser.js("document.getElementById('pictures').clientHeight") == 0
+    assert browser.js("document.querySelectorAll('#failures a, #failures img').length") == 0
+    assert browser.errors == []
+
+
+def test_a_phone_in_the_dark_sees_every_section_and_scrolls_only_tables(browser, tmp_path, shipped):
+    browser.screen(390, 844, dark=True)
+    opened(browser, tmp_path / "report.html", shipped, counts())
+    assert browser.js("document.documentElement.scrollWidth") <= 390
+    assert browser.js("getComputedStyle(document.body).backgroundColor") == "rgb(20, 23, 27)"
+    assert browser.js("[...document.querySelectorAll('section')].every(s => s.clientHeight > 60)")
+    listed = browser.js(LINES)
+    assert len(listed) == 50
+    browser.js("document.getElementById('later').click()")
+    assert browser.js(LINES)[0] not in listed
+    assert browser.errors == []
+
+
+def test_the_browser_would_have_been_heard_complaining(browser, tmp_path):
+    page = tmp_path / "wrong.html"
+    page.write_text("<script>throw Error('noticed')</script>")
+    browser.errors.clear()
+    browser.open(page)
+    assert "noticed" in "".join(browser.errors)
