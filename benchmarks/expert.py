@@ -29,7 +29,7 @@ from drpbench.planning.expert import CHEAP, THOROUGH, Settings, planner
 from drpbench.planning.retiming import step_lengths
 from drpbench.planning.rrt_connect import Planner
 from drpbench.problems import load
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+from drpbench.robot import PANDA
 
 WIDTH = 24  # obstacle slots
 HINT_WAYPOINTS = 24
@@ -137,8 +137,8 @@ def by_ompl(sample: Sample, checker: Checker, seed: int) -> tuple[list, np.ndarr
         sample.into(checker, i)
         space, bounds = base.RealVectorStateSpace(7), base.RealVectorBounds(7)
         for joint in range(7):
-            bounds.setLow(joint, float(JOINT_LOWER[joint]))
-            bounds.setHigh(joint, float(JOINT_UPPER[joint]))
+            bounds.setLow(joint, float(PANDA.joint_lower[joint]))
+            bounds.setHigh(joint, float(PANDA.joint_upper[joint]))
         space.setBounds(bounds)
         setup = geometric.SimpleSetup(space)
         ends = [space.allocState(), space.allocState()]

@@ -10,10 +10,10 @@ import torch
 import torch.nn.functional as F
 
 from drpbench.policies.networks.impact import ROBOT_POINTS, SCENE_POINTS, ImpactSize
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+from drpbench.robot import PANDA
 
-MIDDLE = torch.tensor(0.5 * (JOINT_UPPER + JOINT_LOWER), dtype=torch.float32)
-HALF = torch.tensor(0.5 * (JOINT_UPPER - JOINT_LOWER), dtype=torch.float32)
+MIDDLE = torch.tensor(0.5 * (PANDA.joint_upper + PANDA.joint_lower), dtype=torch.float32)
+HALF = torch.tensor(0.5 * (PANDA.joint_upper - PANDA.joint_lower), dtype=torch.float32)
 
 
 class TorchImpact:

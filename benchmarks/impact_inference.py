@@ -19,7 +19,7 @@ import numpy as np
 
 from drpbench.evaluation.run import device_name
 from drpbench.policies.networks.impact import ROBOT_POINTS, SCENE_POINTS, SIZES, apply, initial
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+from drpbench.robot import PANDA
 
 
 def observed(batch: int):
@@ -31,7 +31,7 @@ def observed(batch: int):
         [-0.5, 0.0, 0.4], face.shape
     )
     robot = rng.uniform(-0.3, 0.3, (batch, ROBOT_POINTS, 3))
-    joints = rng.uniform(JOINT_LOWER, JOINT_UPPER, (2, batch, 7))
+    joints = rng.uniform(PANDA.joint_lower, PANDA.joint_upper, (2, batch, 7))
     mask = np.ones(scene.shape[:2], bool)
     return tuple(
         x if x.dtype == bool else x.astype(np.float32) for x in (scene, mask, robot, *joints)

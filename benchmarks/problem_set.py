@@ -21,7 +21,7 @@ from drpbench.planning import motion
 from drpbench.planning.checker import mesh_checker, sphere_checker
 from drpbench.planning.rrt_connect import Planner
 from drpbench.problems import PROBLEM_SET, TASKS, load
-from drpbench.robot import NO_MESHES, find_mesh_model
+from drpbench.robot import PANDA
 
 
 def measure(task: str, spheres, meshes) -> tuple[dict[tuple[str, str, int], list[dict]], list[str]]:
@@ -99,8 +99,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path(__file__).with_suffix(".json"))
     arguments = parser.parse_args()
-    if (model := find_mesh_model()) is None:
-        raise SystemExit(f"certificates need the real meshes; {NO_MESHES}")
+    if (model := PANDA.meshes.find()) is None:
+        raise SystemExit(f"certificates need the real meshes; {PANDA.meshes.absent}")
     spheres, meshes = sphere_checker(), mesh_checker(model)
     groups, faults, families = [], [], defaultdict(list)
     for task in TASKS:

@@ -23,7 +23,7 @@ from drpbench.problems import ProblemSet, load
 from drpbench.recording import Recorder, motion, traced
 from drpbench.recording.video import GRID_SIZE, SIZE
 from drpbench.results import Header
-from drpbench.robot import find_mesh_model
+from drpbench.robot import PANDA
 from drpbench.rollout import LANES, Rollout
 from drpbench.rollout.batch import Trace, take
 
@@ -118,7 +118,7 @@ def report_frames(trace: Trace, ids: list[int]) -> None:
     tile = tuple(n // 4 for n in GRID_SIZE)
     print("\n| arm | pixels | frames/s | processor time a frame |\n|---|---|---|---|")
     for arm in ("solids", "meshes"):
-        if arm == "meshes" and find_mesh_model() is None:
+        if arm == "meshes" and PANDA.meshes.find() is None:
             continue
         found = stage_module.find_mesh_model
         if arm == "solids":

@@ -21,7 +21,7 @@ from drpbench.report.page import write_report
 from drpbench.report.pictures import pictures
 from drpbench.results import Header, Result, Row, save
 from drpbench.results.schema import VERSIONED
-from drpbench.robot import LINKS
+from drpbench.robot import PANDA
 
 PERIOD = 1 / 60  # [s]
 
@@ -39,7 +39,9 @@ def row(rng: np.random.Generator, task: str, id: int, family: str) -> Row:
         reached_once=reached or rng.random() < 0.1,
         collided=collided,
         first_collision_step=int(rng.integers(1000)) if collided else None,
-        first_collision_link=LINKS[rng.integers(1, len(LINKS))] if collided else None,
+        first_collision_link=PANDA.link_names[rng.integers(1, len(PANDA.link_names))]
+        if collided
+        else None,
         self_collided=False,
         min_clearance=rng.uniform(-0.05, 0.0) if collided else rng.uniform(0.0, 0.2),
         position_error=rng.uniform(0.0, 0.01) if reached else rng.uniform(0.01, 1.0),

@@ -26,16 +26,8 @@ from drpbench.geometry import (
     signed_distance,
 )
 from drpbench.leaderboard import wilson
-from drpbench.robot import (
-    JOINT_LOWER,
-    JOINT_UPPER,
-    LINKS,
-    NO_MESHES,
-    find_mesh_model,
-    link_poses,
-    moving_spheres,
-)
-from drpbench.robot.arms.panda import FINGER_OPENING
+from drpbench.robot import PANDA
+from drpbench.robot.arms.panda.fingers import FINGER_OPENING
 from drpbench.robot.link_meshes import load_link_meshes
 from drpbench.robot.sphere_cover import link_spheres, measure_cover, pooled_mean_excess
 
@@ -54,22 +46,25 @@ def print_figures(model_path, seed: int) -> None:
     meshes = load_link_meshes(model_path)
     figures = {}
     print(f"{'link':14}{'spheres':>8}{'gap':>8}{'mean':>8}{'max':>8}   [mm]: largest gap, excess")
-    for name in LINKS:
-        rows = link_spheres(name)
+    for name in PANDA.link_names:
+        rows = link_spheres(PANDA, name)
         f = figures[name] = measure_cover(meshes[name], rows, 50_000, seed)
         print(
             f"{name:14}{len(rows):8}{MM * f.largest_gap:8.2f}{MM * f.mean_excess:8.2f}"
             f"{MM * f.max_excess:8.2f}",
             flush=True,
         )
-    for title, group in (("link1..link7", LINKS[1:8]), ("hand, fingers", LINKS[8:])):
+    for title, group in (
+        ("link1..link7", PANDA.link_names[1:8]),
+        ("hand, fingers", PANDA.link_names[8:]),
+    ):
         chosen = [figures[name] for name in group]
         print(
-            f"{title:14}{sum(len(link_spheres(name)) for name in group):8}"
+            f"{title:14}{sum(len(link_spheres(PANDA, name)) for name in group):8}"
             f"{MM * max(f.largest_gap for f in chosen):8.2f}{MM * pooled_mean_excess(chosen):8.2f}"
             f"{MM * max(f.max_excess for f in chosen):8.2f}"
         )
-    print(f"{'all but link0':14}{moving_spheres().count:8}\n")
+    print(f"{'all but link0':14}{PANDA.moving_spheres.count:8}\n")
 
 
 def draw_scene(rng: np.random.Generator) -> Primitives:
@@ -97,7 +92,7 @@ class Truth:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.obstacles = np.array([self.model.geom(f"obstacle{i}").id for i in range(len(KINDS))])
-        bodies = [self.model.body(name).id for name in LINKS[1:]]
+        bodies = [self.model.body(name).id for name in PANDA.link_names[1:]]
         solid = (self.model.geom_contype != 0) | (self.model.geom_conaffinity != 0)
         self.arm = np.flatnonzero(np.isin(self.model.geom_bodyid, bodies) & solid)
 
@@ -136,18 +131,18 @@ def verdict_figures(model_path, seed: int, wanted: int) -> tuple[np.ndarray, np.
     @jax.jit
     @jax.vmap
     def _positions(q):
-        return moving_spheres().world(link_poses(q))
+        return PANDA.moving_spheres.world(PANDA.link_poses(q))
 
     @jax.jit
     def sphere_clearance(q, scene):
-        distance = signed_distance(_positions(q), scene) - moving_spheres().radius
+        distance = signed_distance(_positions(q), scene) - PANDA.moving_spheres.radius
         return jnp.min(distance, axis=-1)
 
     true, by_spheres, near, scenes = [], [], 0, 0
     while near < wanted:
         scene = draw_scene(rng)
         truth.place(scene)
-        q = rng.uniform(JOINT_LOWER, JOINT_UPPER, size=(CONFIGURATIONS, 7))
+        q = rng.uniform(PANDA.joint_lower, PANDA.joint_upper, size=(CONFIGURATIONS, 7))
         true.append(np.array([truth.clearance(row) for row in q]))
         scene32 = jax.tree.map(
             lambda leaf: leaf.astype(np.float32) if leaf.dtype == np.float64 else leaf, scene
@@ -191,9 +186,9 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--near", type=int, default=2000, help="configurations within 10 mm, free")
     args = parser.parse_args()
-    model_path = find_mesh_model()
+    model_path = PANDA.meshes.find()
     if model_path is None:
-        print(NO_MESHES, file=sys.stderr)
+        print(PANDA.meshes.absent, file=sys.stderr)
         return 2
     print_figures(model_path, args.seed)
     print_verdicts(model_path, args.seed, args.near)

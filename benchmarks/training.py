@@ -26,7 +26,7 @@ from drpbench.learning.batches import draw
 from drpbench.learning.demonstrations import Demonstrations
 from drpbench.learning.pretraining import Pretraining, Settings
 from drpbench.policies.networks.impact import SIZES, apply
-from drpbench.robot import VELOCITY_LIMIT
+from drpbench.robot import PANDA
 
 
 def demonstrations(count: int) -> Demonstrations:
@@ -47,7 +47,7 @@ def demonstrations(count: int) -> Demonstrations:
         )
     }
     path = np.stack([one.hint for one in drawn])
-    steps = np.abs(np.diff(path, axis=1)) / VELOCITY_LIMIT
+    steps = np.abs(np.diff(path, axis=1)) / PANDA.velocity_limit
     length = steps.max(axis=2).sum(axis=1).astype(np.float32)
     return Demonstrations(**stack, path=path, length=length, reached=np.ones(count, bool))
 

@@ -22,9 +22,7 @@ from drpbench.compile import use_cache
 from drpbench.contract import CONTROL_PERIOD
 from drpbench.evaluation.run import device_name
 from drpbench.problems import ProblemSet, load
-from drpbench.robot import LINKS, NO_MESHES, TORQUE_LIMIT, VELOCITY_LIMIT, find_mesh_model
-from drpbench.robot.mesh_arm import mesh_arm
-from drpbench.robot.spheres import SELF_COLLISION_BLOCKS
+from drpbench.robot import PANDA
 
 SUBSTEPS = 2
 SHAPES = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_SPHERE)
@@ -32,24 +30,26 @@ SHAPES = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtG
 
 def mujoco_model(problems: ProblemSet, index: int) -> mujoco.MjModel:
     """The mesh arm with position servos among the obstacles of one problem, contacts on."""
-    path = find_mesh_model()
+    path = PANDA.meshes.find()
     if path is None:
-        raise SystemExit(NO_MESHES)
-    spec = mesh_arm(path, finger_pieces=1)  # whole fingers: MuJoCo at its fastest
+        raise SystemExit(PANDA.meshes.absent)
+    spec = PANDA.meshes.spec(path, finger_pieces=1)  # whole fingers: MuJoCo at its fastest
     spec.option.timestep = CONTROL_PERIOD / SUBSTEPS
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.gravity = np.zeros(3)
-    for joint, most in zip(spec.joints, TORQUE_LIMIT, strict=True):
+    for joint, most in zip(spec.joints, PANDA.torque_limit, strict=True):
         servo = spec.add_actuator()
         servo.target, servo.trntype = joint.name, mujoco.mjtTrn.mjTRN_JOINT
         servo.set_to_position(kp=1000.0, kv=50.0)
         servo.forcelimited, servo.forcerange = True, [-most, most]
     # Links against obstacles, and only those pairs of links that can touch.
-    frames = {name: min(frame, 8) for frame, name in enumerate(LINKS)}
-    for i, a in enumerate(LINKS):
-        for b in LINKS[i + 1 :]:
+    frames = {name: min(frame, 8) for frame, name in enumerate(PANDA.link_names)}
+    for i, a in enumerate(PANDA.link_names):
+        for b in PANDA.link_names[i + 1 :]:
             pair = (frames[a], frames[b])
-            if not any(pair[0] in one and pair[1] in two for one, two in SELF_COLLISION_BLOCKS):
+            if not any(
+                pair[0] in one and pair[1] in two for one, two in PANDA.self_collision_blocks
+            ):
                 spec.add_exclude(bodyname1=a, bodyname2=b)
     for kind, half, position, quaternion, exists in zip(
         problems.kind[index],
@@ -101,7 +101,7 @@ class MujocoLoop:
 def references(start: np.ndarray, goal: np.ndarray, steps: int) -> np.ndarray:
     """(batch, steps, 7) [rad]: what the world's servos aim at while the target is the goal."""
     found, reference = [], start
-    most = VELOCITY_LIMIT * CONTROL_PERIOD
+    most = PANDA.velocity_limit * CONTROL_PERIOD
     for _ in range(steps):
         reference = reference + np.clip(goal - reference, -most, most)
         found.append(reference)

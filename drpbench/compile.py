@@ -7,6 +7,7 @@ it. From jax 0.11 on the cure is not needed, and the unknown option would be an 
 
 import os
 from collections.abc import Callable
+from functools import cached_property, update_wrapper
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,33 @@ from jaxtyping import Array, Float, Int
 def jit(function: Callable, **options: Any) -> Callable:
     """`jax.jit` with the compiler options that this jax version and backend need.
 
-    It must be the outermost `jit`: XLA takes compiler options only there.
+    It must be the outermost `jit`: XLA takes compiler options only there. The backend is asked for at the
+    first call, so that a module that is imported starts none.
     """
-    version = tuple(int(part) for part in jax.__version__.split(".")[:2])
-    if jax.default_backend() == "cpu" and (0, 7) <= version < (0, 11):
-        options["compiler_options"] = {"xla_cpu_use_fusion_emitters": False}
-    return jax.jit(function, **options)
+    return _Jitted(function, options)
+
+
+class _Jitted:
+    def __init__(self, function: Callable, options: dict[str, Any]):
+        self._function, self._options = function, options
+        update_wrapper(self, function)
+
+    @cached_property
+    def _compiled(self) -> Any:
+        version = tuple(int(part) for part in jax.__version__.split(".")[:2])
+        options = self._options
+        if jax.default_backend() == "cpu" and (0, 7) <= version < (0, 11):
+            options = options | {"compiler_options": {"xla_cpu_use_fusion_emitters": False}}
+        return jax.jit(self._function, **options)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        return self._compiled(*args, **kwargs)
+
+    def __getattr__(self, name: str) -> Any:
+        """`lower`, `trace` and what else a jitted function has."""
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self._compiled, name)
 
 
 def short_loops_unrolled() -> bool:

@@ -23,7 +23,7 @@ import numpy as np
 
 from drpbench.geometry import BOX, CYLINDER, SPHERE
 from drpbench.problems import load
-from drpbench.robot import LINKS, PANDA_XML
+from drpbench.robot import PANDA
 
 GEOM_TYPE = {
     BOX: mujoco.mjtGeom.mjGEOM_BOX,
@@ -50,9 +50,9 @@ PALETTE = plt.get_cmap("tab10").colors
 
 def arm(colour) -> mujoco.MjSpec:
     """The arm's collision spheres in one colour."""
-    spec = mujoco.MjSpec.from_file(str(PANDA_XML))
-    by_link = json.loads((PANDA_XML.parent / "spheres.json").read_text())
-    for link in LINKS:
+    spec = mujoco.MjSpec.from_file(str(PANDA.model))
+    by_link = json.loads((PANDA.folder / "spheres.json").read_text())
+    for link in PANDA.link_names:
         for x, y, z, radius in by_link[link]:
             geom = spec.body(link).add_geom()
             geom.type, geom.size, geom.pos = GEOM_TYPE[SPHERE], [radius, 0, 0], [x, y, z]

@@ -25,7 +25,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from drpbench.robot import NO_MESHES, find_mesh_model
+from drpbench.robot import PANDA
 from drpbench.robot.link_meshes import LinkMesh, load_link_meshes
 from drpbench.robot.sphere_cover import farthest_points, gap, largest_gap, measure_cover
 
@@ -370,8 +370,8 @@ def main() -> int:
     )
     args = parser.parse_args()
     if args.folder is None:
-        model = find_mesh_model()
-        missing = NO_MESHES
+        model = PANDA.meshes.find()
+        missing = PANDA.meshes.absent
     else:
         named = [args.folder / name for name in ("panda_collision.xml", "panda.xml")]
         model = next((path for path in named if path.is_file()), None)

@@ -52,10 +52,10 @@ def make_shard(job: tuple[str, int, int, Path]) -> Path:
     if _generator is None:
         from drpbench.generation.generator import CHECKER_MARGIN, Generator
         from drpbench.planning.checker import mesh_checker, sphere_checker
-        from drpbench.robot import NO_MESHES, find_mesh_model
+        from drpbench.robot import PANDA
 
-        if (meshes := find_mesh_model()) is None:
-            raise SystemExit(f"certificates need the real meshes; {NO_MESHES}")
+        if (meshes := PANDA.meshes.find()) is None:
+            raise SystemExit(f"certificates need the real meshes; {PANDA.meshes.absent}")
         _generator = Generator(sphere_checker(CHECKER_MARGIN), mesh_checker(meshes))
     _generator.rejections.clear()
     drafts = [_generator.problem(task, index) for index in range(first, last)]

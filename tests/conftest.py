@@ -69,10 +69,10 @@ def spheres():
 def meshes():
     from drpbench.generation.generator import CHECKER_MARGIN
     from drpbench.planning.checker import mesh_checker
-    from drpbench.robot import NO_MESHES, find_mesh_model
+    from drpbench.robot import PANDA
 
-    if (model := find_mesh_model()) is None:
-        pytest.skip(NO_MESHES)
+    if (model := PANDA.meshes.find()) is None:
+        pytest.skip(PANDA.meshes.absent)
     return mesh_checker(model, CHECKER_MARGIN)
 
 

@@ -9,15 +9,7 @@ import numpy as np
 from drpbench.compile import jit
 from drpbench.contract import ROBOT_POINTS, SCENE_POINTS, Observation, Problem
 from drpbench.geometry import BOX, Primitives, matrix_to_quaternion
-from drpbench.robot import (
-    HOME,
-    JOINT_LOWER,
-    JOINT_UPPER,
-    grip_pose,
-    link_poses,
-    moving_spheres,
-    self_clearance,
-)
+from drpbench.robot import PANDA
 
 
 def boxes(*placed, width=2):
@@ -42,10 +34,10 @@ def boxes(*placed, width=2):
 @cache
 def _bodies():
     def bodies(q):
-        poses = link_poses(q)
-        position, rotation = grip_pose(poses)
-        centers = moving_spheres().world(poses)
-        return centers, position, matrix_to_quaternion(rotation), self_clearance(poses)
+        poses = PANDA.link_poses(q)
+        position, rotation = PANDA.grip_pose(poses)
+        centers = PANDA.moving_spheres.world(poses)
+        return centers, position, matrix_to_quaternion(rotation), PANDA.self_clearance(poses)
 
     return jit(jax.vmap(bodies))
 
@@ -62,7 +54,7 @@ def bodies(q):
     return tuple(np.concatenate(values) for values in zip(*parts, strict=True))
 
 
-def problem(start=HOME, goal=None, obstacles=None, level=1, id=0):
+def problem(start=PANDA.home, goal=None, obstacles=None, level=1, id=0):
     """A problem; by default from home to home, without obstacles."""
     start = np.asarray(start, np.float32)
     goal = start if goal is None else np.asarray(goal, np.float32)
@@ -86,9 +78,9 @@ def batch(problems):
 def postures(count, seed=0):
     """Random configurations (count, 7): hands and elbows above the table, no link in another."""
     rng = np.random.default_rng(seed)
-    q = rng.uniform(JOINT_LOWER + 0.1, JOINT_UPPER - 0.1, (8 * count, 7))
+    q = rng.uniform(PANDA.joint_lower + 0.1, PANDA.joint_upper - 0.1, (8 * count, 7))
     centers, _, _, apart = bodies(q)
-    above = (centers[..., 2] - moving_spheres().radius).min(axis=1) > 0.01
+    above = (centers[..., 2] - PANDA.moving_spheres.radius).min(axis=1) > 0.01
     q = q[above & (apart > 0.0)]
     assert len(q) >= count
     return q[:count].astype(np.float32)

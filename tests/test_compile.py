@@ -1,5 +1,6 @@
 """The compiler's options: given where they are needed, and doing what they are for."""
 
+import contextlib
 import time
 
 import jax
@@ -10,7 +11,7 @@ import pytest
 from mujoco import mjx
 
 from drpbench import compile
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, PANDA_XML, link_poses
+from drpbench.robot import PANDA
 
 BATCH = 256
 
@@ -39,7 +40,10 @@ def test_the_option_is_given_only_where_it_is_known_and_needed(
     monkeypatch.setattr(jax, "__version__", version)
     monkeypatch.setattr(jax, "default_backend", lambda: backend)
     monkeypatch.setattr(jax, "jit", lambda function, **options: given.update(options))
-    compile.jit(len, static_argnums=0)
+    compiled = compile.jit(len, static_argnums=0)
+    assert not given  # no backend is asked for before the first call
+    with contextlib.suppress(TypeError):
+        compiled([])
     assert given.pop("static_argnums") == 0
     assert given == ({"compiler_options": {"xla_cpu_use_fusion_emitters": False}} if needed else {})
 
@@ -58,16 +62,20 @@ def quickest(function, *arguments):
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="the trap is the CPU backend's")
 def test_mjx_kinematics_does_not_fall_into_the_trap():
     """MJX's kinematics of the arm costs about 10 of our own; in the trap, over 100,000."""
-    model = mjx.put_model(mujoco.MjModel.from_xml_path(str(PANDA_XML)))
+    model = mjx.put_model(mujoco.MjModel.from_xml_path(str(PANDA.model)))
     data = mjx.make_data(model)
-    q = np.random.default_rng(0).uniform(JOINT_LOWER, JOINT_UPPER, (BATCH, 7)).astype(np.float32)
+    q = (
+        np.random.default_rng(0)
+        .uniform(PANDA.joint_lower, PANDA.joint_upper, (BATCH, 7))
+        .astype(np.float32)
+    )
 
     @compile.jit
     @jax.vmap
     def by_mjx(q):
         return mjx.kinematics(model, data.replace(qpos=q)).xpos
 
-    by_us = compile.jit(jax.vmap(link_poses))
+    by_us = compile.jit(jax.vmap(PANDA.link_poses))
     np.testing.assert_allclose(by_mjx(q)[:, 1:10], by_us(q).position, atol=1e-5)
     assert quickest(by_mjx, q) < 200 * quickest(by_us, q)
 

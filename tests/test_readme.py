@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.contract import Observation, Policy
-from drpbench.robot import HOME
+from drpbench.robot import PANDA
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -18,7 +18,7 @@ def test_the_example_is_a_policy():
     exec(re.search(r"```python\n(.*?)```", README, re.DOTALL).group(1), names)
     policy = names["Creep"]()
     assert isinstance(policy, Policy)
-    home = jnp.asarray(HOME, jnp.float32)
+    home = jnp.asarray(PANDA.home, jnp.float32)
     seen = Observation(
         joint_position=home,
         joint_velocity=jnp.zeros(7),

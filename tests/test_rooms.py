@@ -118,7 +118,7 @@ def test_rooms_form_no_circle():
 @pytest.mark.parametrize(
     ("source", "module", "is_package"),
     [
-        ("from drpbench.envs import World", "drpbench.robot.spheres", False),
+        ("from drpbench.envs import World", "drpbench.robot.body_points", False),
         ("import drpbench.results.schema", "drpbench.envs.world", False),
         ("import drpbench.policies as p", "drpbench.geometry", True),
         ("from drpbench import problems", "drpbench.policies.floors", False),
@@ -144,7 +144,7 @@ def test_a_wrong_import_is_noticed(source, module, is_package):
         ("from .panda import LINKS", "drpbench.robot", True),
         ("from ..movers import Movers", "drpbench.envs.tasks.static", False),
         ("from . import rotation", "drpbench.problems", True),
-        ("from drpbench.compile import jit", "drpbench.robot.kinematics", False),
+        ("from drpbench.compile import jit", "drpbench.robot.robot", False),
         ("from drpbench import __version__", "drpbench.results.schema", False),
         ("import jax, drpbench.policies", "drpbench.evaluation.run", False),
         ("from drpbench.contract import Observation", "drpbench.policies.floors", False),

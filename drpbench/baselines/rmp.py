@@ -22,8 +22,8 @@ from jaxtyping import Array, Float
 
 from drpbench.compile import stored
 from drpbench.contract import Observation, Scalar
-from drpbench.policies import SERVO_LAG, squared_distances
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, moving_spheres
+from drpbench.policies import squared_distances
+from drpbench.robot import PANDA
 
 _UNSEEN = 1.0e3  # [m]
 
@@ -75,21 +75,21 @@ class Rmp:
 
         metric = self.mu_g * jnp.eye(7) + (jacobian.T * weight) @ jacobian
         force = self.mu_g * pull + jacobian.T @ (weight * push)
-        for room, sign in ((q - JOINT_LOWER, 1.0), (JOINT_UPPER - q, -1.0)):
+        for room, sign in ((q - PANDA.joint_lower, 1.0), (PANDA.joint_upper - q, -1.0)):
             limit = self.mu_l * jnp.square(jnp.maximum(1.0 - room / 0.1, 0.0)) / (room + 0.01)
             metric = metric + jnp.diag(limit)
             force = force + sign * limit * self.k_p * jnp.exp(-room / 0.05) - limit * qd
         acceleration = jnp.linalg.solve(metric, force)
 
-        most = jnp.asarray(VELOCITY_LIMIT, q.dtype)
+        most = jnp.asarray(PANDA.velocity_limit, q.dtype)
         velocity = jnp.clip(qd + self.period * acceleration, -most, most)
-        return q + SERVO_LAG * velocity, carry
+        return q + PANDA.servo_lag * velocity, carry
 
     def _nearest(self, observation: Observation) -> tuple[Float[Array, " F"], Float[Array, "F 7"]]:
         """For each moving frame, the distance [m] from its closest sphere to its closest scene point, and
         that distance's Jacobian [m/rad]."""
-        model = moving_spheres()
-        poses = link_poses(observation.joint_position)
+        model = PANDA.moving_spheres
+        poses = PANDA.link_poses(observation.joint_position)
         centers = model.world(poses)
         scene = jnp.where(observation.scene_mask[:, None], observation.scene_points, _UNSEEN)
         gap = jnp.sqrt(jnp.min(squared_distances(centers, scene), axis=1))

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from drpbench.geometry import FAR, Primitives, nearest, normal, signed_distance
-from drpbench.robot import LinkPoses, moving_spheres
+from drpbench.robot import PANDA, LinkPoses
 
 STIFFNESS = 20_000.0  # k [N/m]
 DAMPING = 200.0  # c [N s/m]
@@ -48,7 +48,7 @@ def contact(
     """
     if obstacles.count == 0:
         return Contact(jnp.float32(FAR), jnp.int32(0), jnp.zeros_like(joint_velocity))
-    model = moving_spheres()
+    model = PANDA.moving_spheres
     distance = signed_distance(centers, obstacles) - model.radius
 
     # The deepest sphere of each moving frame (link1 to link7, then hand with fingers).

@@ -6,11 +6,10 @@ from functools import cache
 
 import jax
 import jax.numpy as jnp
-import mujoco
 from jaxtyping import Array, Float
 
 from drpbench.contract import CONTROL_PERIOD
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, PANDA_XML
+from drpbench.robot import PANDA
 
 with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
     from mujoco import mjx  # says on import that its optional Warp backend is not installed
@@ -21,7 +20,7 @@ _STOP_STIFFNESS = 2000.0  # [N m/rad] of the mechanical stops at the joint limit
 
 @cache
 def _model() -> tuple[mjx.Model, mjx.Data]:
-    spec = mujoco.MjSpec.from_file(str(PANDA_XML))
+    spec = PANDA.spec()
     spec.compiler.fusestatic = True  # hand and fingers become part of link7
     model = spec.compile()
     assert abs(model.opt.timestep * SUBSTEPS - CONTROL_PERIOD) < 1e-9
@@ -48,7 +47,7 @@ def substep(
     the matrix; MJX does not, so that a limited joint speeds up as if h kd = 0.42 kg m^2 heavier.
     """
     model, data = _model()
-    beyond = joint_position - jnp.clip(joint_position, JOINT_LOWER, JOINT_UPPER)
+    beyond = joint_position - jnp.clip(joint_position, PANDA.joint_lower, PANDA.joint_upper)
     data = data.replace(
         qpos=joint_position,
         qvel=joint_velocity,

@@ -16,15 +16,7 @@ from drpbench.perception.surface_cloud import (
     scene_cloud,
     shares,
 )
-from drpbench.robot import (
-    JOINT_LOWER,
-    JOINT_UPPER,
-    VELOCITY_LIMIT,
-    grip_pose,
-    link_poses,
-    moving_spheres,
-    self_clearance,
-)
+from drpbench.robot import PANDA
 
 from .contact import contact
 from .dynamics import SUBSTEPS, substep
@@ -66,9 +58,9 @@ class Events:
 
 
 def _arm(joint_position: Float[Array, "7"]) -> Arm:
-    poses = link_poses(joint_position)
-    spheres = moving_spheres()
-    return Arm(spheres.world(poses), jnp.asarray(spheres.radius), grip_pose(poses)[0])
+    poses = PANDA.link_poses(joint_position)
+    spheres = PANDA.moving_spheres
+    return Arm(spheres.world(poses), jnp.asarray(spheres.radius), PANDA.grip_pose(poses)[0])
 
 
 @dataclass(frozen=True)
@@ -115,30 +107,32 @@ class World:
         obstacles = self.obstacles(state)
 
         sane = jnp.isfinite(target).all()
-        target = jnp.clip(jnp.where(sane, target, state.reference), JOINT_LOWER, JOINT_UPPER)
-        most = jnp.asarray(VELOCITY_LIMIT * CONTROL_PERIOD, target.dtype)
+        target = jnp.clip(
+            jnp.where(sane, target, state.reference), PANDA.joint_lower, PANDA.joint_upper
+        )
+        most = jnp.asarray(PANDA.velocity_limit * CONTROL_PERIOD, target.dtype)
         reference = state.reference + jnp.clip(target - state.reference, -most, most)
 
         def move(motion, _):
             q, qd, torque, worst, sphere = motion
             q, qd = substep(q, qd, reference, torque)
-            poses = link_poses(q)
-            touch = contact(poses, qd, moving_spheres().world(poses), obstacles)
+            poses = PANDA.link_poses(q)
+            touch = contact(poses, qd, PANDA.moving_spheres.world(poses), obstacles)
             sphere = jnp.where(touch.clearance < worst, touch.sphere, sphere)
             return (q, qd, touch.torque, jnp.minimum(worst, touch.clearance), sphere), None
 
         motion = (state.joint_position, state.joint_velocity, state.contact_torque)
         motion = (*motion, jnp.float32(FAR), jnp.int32(0))
         (q, qd, torque, clearance, sphere), _ = jax.lax.scan(move, motion, None, length=SUBSTEPS)
-        poses = link_poses(q)
-        position, rotation = grip_pose(poses)
+        poses = PANDA.link_poses(q)
+        position, rotation = PANDA.grip_pose(poses)
         state = replace(
             state, joint_position=q, joint_velocity=qd, reference=reference, contact_torque=torque
         )
         return state, Events(
             clearance=clearance,
             sphere=sphere,
-            self_clearance=self_clearance(poses),
+            self_clearance=PANDA.self_clearance(poses),
             grip_position=position,
             grip_rotation=rotation,
             finite=sane & jnp.isfinite(q).all() & jnp.isfinite(qd).all(),
@@ -155,6 +149,6 @@ class World:
             goal_quaternion=state.problem.goal_quaternion,
             scene_points=points,
             scene_mask=mask,
-            robot_points=robot_points().world(link_poses(state.joint_position)),
+            robot_points=robot_points().world(PANDA.link_poses(state.joint_position)),
             obstacles=self.obstacles(state) if privileged else None,
         )

@@ -19,7 +19,7 @@ from drpbench.envs import contact
 from drpbench.geometry import SHAPES, Primitives
 from drpbench.policies.networks.set_abstraction import check_neighbourhoods
 from drpbench.problems import ProblemSetError, counts, load
-from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER, LINKS, link_poses, moving_spheres
+from drpbench.robot import PANDA
 
 from .run import device_name, versions
 
@@ -68,24 +68,26 @@ def _probe(kind: int, position) -> Primitives:
 
 
 def _see_every_link() -> list[tuple[str, bool, str]]:
-    model = moving_spheres()
+    model = PANDA.moving_spheres
     rng = np.random.default_rng(0)
-    configurations = np.concatenate([HOME[None], rng.uniform(JOINT_LOWER, JOINT_UPPER, (7, 7))])
+    configurations = np.concatenate(
+        [PANDA.home[None], rng.uniform(PANDA.joint_lower, PANDA.joint_upper, (7, 7))]
+    )
 
     def meet(q, kind, position):
-        poses = link_poses(q)
+        poses = PANDA.link_poses(q)
         touch = contact(poses, jnp.zeros(7), model.world(poses), _probe(kind, position))
         return touch.clearance, touch.sphere
 
     compiled = jit(jax.vmap(meet))
     centers = np.asarray(
-        jax.vmap(lambda q: model.world(link_poses(q)))(jnp.asarray(configurations))
+        jax.vmap(lambda q: model.world(PANDA.link_poses(q)))(jnp.asarray(configurations))
     )
     cases = [
         (c, kind, link, centers[c, model.link == link].mean(axis=0))
         for c in range(len(configurations))
         for kind in range(len(SHAPES))
-        for link in range(1, len(LINKS))
+        for link in range(1, len(PANDA.link_names))
     ]
     q = jnp.asarray(np.stack([configurations[c] for c, *_ in cases]), jnp.float32)
     kinds = jnp.asarray([kind for _, kind, *_ in cases], jnp.int32)
@@ -97,7 +99,7 @@ def _see_every_link() -> list[tuple[str, bool, str]]:
         [_by_hand(kind, centers[c] - place, model.radius) for c, kind, _, place in cases]
     )
     checks = []
-    for link in range(1, len(LINKS)):
+    for link in range(1, len(PANDA.link_names)):
         mine = [i for i, (_, _, of, _) in enumerate(cases) if of == link]
         unseen = [SHAPES[cases[i][1]] for i in mine if clearance[i] >= 0.0]
         off = float(np.abs(clearance[mine] - expected[mine]).max())
@@ -107,7 +109,7 @@ def _see_every_link() -> list[tuple[str, bool, str]]:
             detail = (
                 f"unseen in {len(unseen)} of {len(mine)} cases: {', '.join(sorted(set(unseen)))}"
             )
-        checks.append((LINKS[link], passed, detail))
+        checks.append((PANDA.link_names[link], passed, detail))
     return checks
 
 

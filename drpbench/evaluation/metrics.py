@@ -12,7 +12,7 @@ from drpbench.contract import (
 )
 from drpbench.geometry import FAR
 from drpbench.results import Row
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, LINKS, moving_spheres
+from drpbench.robot import PANDA
 from drpbench.rollout.batch import Trace
 
 LIMIT_TOLERANCE = 1e-3  # [rad]
@@ -71,12 +71,12 @@ def _row(task: str, id: int, family: str, trace: Trace, b: int) -> Row:
     grip = np.concatenate([trace.start_grip[None, b], trace.grip_position[:, b]]).astype(float)
     joint_steps = np.linalg.norm(np.diff(joints, axis=0), axis=1)
     grip_steps = np.linalg.norm(np.diff(grip, axis=0), axis=1)
-    beyond = np.maximum(JOINT_LOWER - joints, joints - JOINT_UPPER)
+    beyond = np.maximum(PANDA.joint_lower - joints, joints - PANDA.joint_upper)
     time_to_goal = None
     if reached:
         away = np.nonzero(~at_goal)[0]
         time_to_goal = _number(((away[-1] + 1 if away.size else 0) + 1) * CONTROL_PERIOD)
-    link = moving_spheres().link
+    link = PANDA.moving_spheres.link
     return Row(
         id=int(id),
         task=task,
@@ -87,7 +87,9 @@ def _row(task: str, id: int, family: str, trace: Trace, b: int) -> Row:
         reached_once=reached or bool(at_goal.any()),
         collided=collided,
         first_collision_step=first,
-        first_collision_link=None if first is None else LINKS[link[trace.sphere[first, b]]],
+        first_collision_link=None
+        if first is None
+        else PANDA.link_names[link[trace.sphere[first, b]]],
         self_collided=bool((trace.self_clearance[:, b] < 0.0).any()),
         min_clearance=_number(nearest) if nearest < 0.5 * FAR else None,
         position_error=_number(trace.position_error[-1, b]),

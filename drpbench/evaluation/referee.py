@@ -21,7 +21,7 @@ from drpbench.contract import CONTROL_PERIOD
 from drpbench.leaderboard import wilson
 from drpbench.problems import ProblemSet
 from drpbench.results import Result, Row
-from drpbench.robot import NO_MESHES, find_mesh_model
+from drpbench.robot import PANDA
 
 if TYPE_CHECKING:
     from drpbench.planning.checker import Checker
@@ -189,12 +189,11 @@ def judgements(
 def mesh_referee() -> Checker:
     """MuJoCo with the real meshes. RefereeError where they are not found."""
     from drpbench.planning.checker import Checker
-    from drpbench.robot.mesh_arm import mesh_arm
 
-    model: Path | None = find_mesh_model()
+    model: Path | None = PANDA.meshes.find()
     if model is None:
-        raise RefereeError(NO_MESHES)
-    return Checker(mesh_arm(model), MARGIN)
+        raise RefereeError(PANDA.meshes.absent)
+    return Checker(PANDA.meshes.spec(model), MARGIN)
 
 
 def judge_episode(

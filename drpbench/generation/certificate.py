@@ -15,7 +15,7 @@ import numpy as np
 
 from drpbench.planning import motion
 from drpbench.planning.checker import Checker
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+from drpbench.robot import PANDA
 
 RESOLUTION = 0.01  # [m] of motion between samples
 CLEARANCE = 0.005  # [m] by the spheres everywhere, by the meshes at start and goal
@@ -51,7 +51,7 @@ def certify(
         return _fault(f"the witness is no finite array of 7-joint waypoints: {witness.shape}")
     if not (np.array_equal(witness[0], start) and np.array_equal(witness[-1], goal)):
         return _fault("the witness does not lead from start to goal")
-    if np.any(witness < JOINT_LOWER) or np.any(witness > JOINT_UPPER):
+    if np.any(witness < PANDA.joint_lower) or np.any(witness > PANDA.joint_upper):
         return _fault("a waypoint is beyond a joint limit")
     for name, checker in (("spheres", spheres), ("meshes", meshes)):
         for end, q in (("start", start), ("goal", goal)):

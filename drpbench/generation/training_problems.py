@@ -14,7 +14,7 @@ import numpy as np
 
 from drpbench.geometry import BOX, MAX_OBSTACLES
 from drpbench.planning.checker import sphere_checker
-from drpbench.robot import VELOCITY_LIMIT
+from drpbench.robot import PANDA
 
 from .composition import PAIRS, Group
 from .families import FAMILIES
@@ -163,7 +163,7 @@ def evenly(waypoints: np.ndarray, count: int) -> np.ndarray:
 
     A step is as long as the joint that is slowest relative to its limit needs for it.
     """
-    steps = np.abs(np.diff(waypoints, axis=0)) / VELOCITY_LIMIT
+    steps = np.abs(np.diff(waypoints, axis=0)) / PANDA.velocity_limit
     ends = np.concatenate([[0.0], np.cumsum(steps.max(axis=1, initial=0.0))])
     at = np.linspace(0.0, ends[-1], count)
     return np.stack([np.interp(at, ends, joint) for joint in waypoints.T], axis=1)

@@ -12,7 +12,7 @@ from drpbench.contract import Problem
 from drpbench.envs import Task
 from drpbench.geometry import Primitives, matrix_to_quaternion, quaternion_to_matrix
 from drpbench.problems import load
-from drpbench.robot import grip_pose, link_poses
+from drpbench.robot import PANDA
 from drpbench.rollout.batch import take
 
 
@@ -134,7 +134,7 @@ class Training:
 
 def _goal_pose(goal: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Position [m] and quaternion wxyz of `grip` for goals (n, 7)."""
-    position, rotation = jax.vmap(lambda q: grip_pose(link_poses(q)))(goal)
+    position, rotation = jax.vmap(lambda q: PANDA.grip_pose(PANDA.link_poses(q)))(goal)
     return position, matrix_to_quaternion(rotation)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Space
 
 from drpbench.contract import ROBOT_POINTS, SCENE_POINTS, Observation
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+from drpbench.robot import PANDA
 
 # Wide enough to hold all that happens; they are no scales to normalise by.
 _JOINTS = 5.0  # [rad] contact pushes a joint past its limit, against stiff stops
@@ -17,7 +17,7 @@ _SHOWN = tuple(field.name for field in fields(Observation) if field.name != "obs
 
 def action_space() -> Box:
     """Absolute joint position targets [rad], within the joint limits."""
-    return Box(JOINT_LOWER.astype(np.float32), JOINT_UPPER.astype(np.float32))
+    return Box(PANDA.joint_lower.astype(np.float32), PANDA.joint_upper.astype(np.float32))
 
 
 def observation_space() -> Space:

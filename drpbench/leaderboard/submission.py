@@ -18,7 +18,7 @@ from drpbench.contract import (
 )
 from drpbench.problems import PROBLEM_SET, counts, load
 from drpbench.results import Header, Result, ResultsError, Row
-from drpbench.robot import LINKS
+from drpbench.robot import PANDA
 
 from .board import Cell, Entry, Leaderboard, build
 from .tables import ALL
@@ -97,8 +97,8 @@ def _contradiction(row: Row) -> str | None:
         return (
             f"first_collision_step is {row.first_collision_step} of {CONTROL_STEPS} control steps"
         )
-    if row.first_collision_link not in (None, *LINKS[1:]):
-        return f"first_collision_link is {row.first_collision_link!r}; links that count: {LINKS[1]} to {LINKS[-1]}"
+    if row.first_collision_link not in (None, *PANDA.link_names[1:]):
+        return f"first_collision_link is {row.first_collision_link!r}; links that count: {PANDA.link_names[1]} to {PANDA.link_names[-1]}"
     if row.collided != (row.min_clearance is not None and row.min_clearance < 0.0):
         return "min_clearance must be below zero exactly where collided is true"
     if row.time_to_goal is not None and not 0.0 < row.time_to_goal <= last * (1 + _ROUNDED):

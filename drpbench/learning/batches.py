@@ -25,11 +25,11 @@ from drpbench.contract import CONTROL_PERIOD
 from drpbench.geometry import Primitives, sample_surface
 from drpbench.perception.surface_cloud import robot_points
 from drpbench.policies.networks.chunks import CHUNK, RAMP, SPEED, encode
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses
+from drpbench.robot import PANDA
 
 from .demonstrations import Demonstrations
 
-NEAR = RAMP / float(VELOCITY_LIMIT.min())  # [s at the velocity limits]
+NEAR = RAMP / float(PANDA.velocity_limit.min())  # [s at the velocity limits]
 TAU = NEAR / SPEED  # [s]
 BESIDE = 0.03  # [rad] standard deviation of the largest offsets from the path
 AT_REST = 0.08  # share of samples at the end of a path
@@ -82,7 +82,7 @@ def _sample(one, obstacles: Primitives, key: PRNGKeyArray, scene_points: int) ->
     share = jnp.where(jax.random.uniform(rest_key) < AT_REST, 1.0, share)
     on_path = along(one.path, share)
     offset = BESIDE * jax.random.uniform(size_key) * jax.random.normal(offset_key, (7,))
-    q = jnp.clip(on_path + offset, JOINT_LOWER, JOINT_UPPER)
+    q = jnp.clip(on_path + offset, PANDA.joint_lower, PANDA.joint_upper)
 
     time = CONTROL_PERIOD * jnp.arange(1, CHUNK + 1)
     left = way_left(one.length * (1.0 - share) * jnp.ones(CHUNK), time)
@@ -93,7 +93,7 @@ def _sample(one, obstacles: Primitives, key: PRNGKeyArray, scene_points: int) ->
     return Batch(
         scene_points=points,
         scene_mask=mask,
-        robot_points=robot_points().world(link_poses(q)),
+        robot_points=robot_points().world(PANDA.link_poses(q)),
         joints=q,
         goal=one.goal,
         chunk=encode(waypoints, q, one.goal),

@@ -27,7 +27,7 @@ from drpbench.perception.surface_cloud import robot_points
 from drpbench.planning.clearance_cost import gaps
 from drpbench.planning.expert import CHEAP, planner
 from drpbench.policies.networks.impact import SCENE_POINTS
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, grip_pose, link_poses, moving_spheres
+from drpbench.robot import PANDA
 
 from .batches import cloud
 from .demonstrations import Demonstrations, Shards, join
@@ -54,7 +54,7 @@ def _walk(
 ) -> tuple[Float[Array, "T 7"], Float[Array, " T"]]:
     """Where the policy leads the arm [rad], and its room there [m]."""
     points, mask = cloud(key, obstacles, SCENE_POINTS)
-    position, rotation = grip_pose(link_poses(goal))
+    position, rotation = PANDA.grip_pose(PANDA.link_poses(goal))
 
     def observe(q):
         return Observation(
@@ -65,13 +65,13 @@ def _walk(
             goal_quaternion=matrix_to_quaternion(rotation),
             scene_points=points,
             scene_mask=mask,
-            robot_points=robot_points().world(link_poses(q)),
+            robot_points=robot_points().world(PANDA.link_poses(q)),
         )
 
     def step(state, key):
         q, carry = state
         target, carry = policy.act(observe(q), carry, key)
-        q = jnp.clip(target, JOINT_LOWER, JOINT_UPPER)
+        q = jnp.clip(target, PANDA.joint_lower, PANDA.joint_upper)
         return (q, carry), (q, jnp.min(gaps(q, obstacles).obstacle))
 
     begun = (start, policy.init(observe(start)))
@@ -118,9 +118,9 @@ def _interrupted(
     whether one was found that leaves it room, and is on the goal or leaves room to the arm there too."""
     goal, last = demonstration.goal, _last(walked, room, demonstration.goal)[0]
     way = jnp.concatenate([walked, goal[None]])
-    poses = jax.vmap(link_poses)(way)
-    place, _ = jax.vmap(grip_pose)(poses)
-    model = moving_spheres()
+    poses = jax.vmap(PANDA.link_poses)(way)
+    place, _ = jax.vmap(PANDA.grip_pose)(poses)
+    model = PANDA.moving_spheres
     centers, radii = jax.vmap(model.world)(poses), jnp.asarray(model.radius)
     blocks_key, key = jax.random.split(key)
     blocks = jax.random.uniform(blocks_key) < _ON_GOAL

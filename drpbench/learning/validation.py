@@ -14,7 +14,7 @@ from drpbench.envs import TASKS
 from drpbench.evaluation.metrics import rows
 from drpbench.generation.training_problems import VALIDATION_STREAM, Drawer, Drawn
 from drpbench.geometry import Primitives, matrix_to_quaternion, quaternion_to_matrix
-from drpbench.robot import grip_pose, link_poses
+from drpbench.robot import PANDA
 from drpbench.rollout import LANES, Rollout
 
 
@@ -55,7 +55,7 @@ class Validation:
         )
 
 
-_pose = jax.jit(lambda q: grip_pose(link_poses(q)))
+_pose = jax.jit(lambda q: PANDA.grip_pose(PANDA.link_poses(q)))
 
 
 def problems(drawn: Sequence[Drawn]) -> Problem:

@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from drpbench.contract import ROBOT_POINTS, SCENE_POINTS, Movers
 from drpbench.geometry import Primitives, sample_surface
-from drpbench.robot import BodyPoints, surface_points
+from drpbench.robot import PANDA, BodyPoints
 
 
 @jax.tree_util.register_dataclass
@@ -80,4 +80,4 @@ def scene_cloud(cloud: Cloud, movers: Movers) -> tuple[Float[Array, "2048 3"], B
 
 def robot_points() -> BodyPoints:
     """The arm's surface points of the observation."""
-    return surface_points(ROBOT_POINTS)
+    return PANDA.surface_points(ROBOT_POINTS)

@@ -14,9 +14,7 @@ import mujoco
 import numpy as np
 
 from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE
-from drpbench.robot import LINKS, PANDA_XML
-from drpbench.robot.mesh_arm import mesh_arm
-from drpbench.robot.spheres import SELF_COLLISION_BLOCKS
+from drpbench.robot import PANDA
 
 # Collision bits: links against obstacles, and links against links (by pairs). link0 does not move
 # and stands on the table, so no motion puts it into an obstacle; see `base_clearance`.
@@ -30,9 +28,9 @@ _GEOM_TYPE = {
 
 def _self_pairs() -> set[tuple[str, str]]:
     """Pairs of links that can touch. The hand's frame carries the fingers."""
-    names = {i: (LINKS[i],) if i < 8 else LINKS[8:] for i in range(9)}
+    names = {i: (PANDA.link_names[i],) if i < 8 else PANDA.link_names[8:] for i in range(9)}
     pairs = set()
-    for first, second in SELF_COLLISION_BLOCKS:
+    for first, second in PANDA.self_collision_blocks:
         for a in first:
             for b in second:
                 pairs |= {tuple(sorted((x, y))) for x in names[a] for y in names[b]}
@@ -143,9 +141,9 @@ class Checker:
 
 def sphere_checker(margin: float = 0.02) -> Checker:
     """Checker on the arm's collision spheres."""
-    spec = mujoco.MjSpec.from_file(str(PANDA_XML))
-    by_link = json.loads((PANDA_XML.parent / "spheres.json").read_text())
-    for link in LINKS:
+    spec = PANDA.spec()
+    by_link = json.loads((PANDA.folder / "spheres.json").read_text())
+    for link in PANDA.link_names:
         for x, y, z, radius in by_link[link]:
             geom = spec.body(link).add_geom()
             geom.type, geom.size, geom.pos = mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0], [x, y, z]
@@ -156,7 +154,7 @@ def mesh_checker(model: Path, margin: float = 0.02) -> Checker:
     """Checker on the real meshes, each by its convex hull, the fingers' too: a certificate may ask for
     more room than the fingers need. `model` is what `drpbench.robot.find_mesh_model` returns.
     """
-    return Checker(mesh_arm(model, finger_pieces=1), margin)
+    return Checker(PANDA.meshes.spec(model, finger_pieces=1), margin)
 
 
 def _compile(spec: mujoco.MjSpec, margin: float) -> mujoco.MjModel:
@@ -164,8 +162,8 @@ def _compile(spec: mujoco.MjSpec, margin: float) -> mujoco.MjModel:
     for geom in spec.geoms:
         geom.contype, geom.conaffinity = _OBSTACLE | _SELF, _SELF
     pairs = _self_pairs()
-    for i, a in enumerate(LINKS):
-        for b in LINKS[i + 1 :]:
+    for i, a in enumerate(PANDA.link_names):
+        for b in PANDA.link_names[i + 1 :]:
             if tuple(sorted((a, b))) not in pairs:
                 spec.add_exclude(bodyname1=a, bodyname2=b)
     for slot in range(MAX_OBSTACLES):

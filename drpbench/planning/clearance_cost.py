@@ -9,12 +9,12 @@ from jaxtyping import Array, Float
 
 from drpbench.compile import stored
 from drpbench.geometry import Primitives, nearest, normal
-from drpbench.robot import LinkPoses, link_poses, spheres
+from drpbench.robot import PANDA, LinkPoses
 
-# Of `drpbench.robot.spheres.SELF_COLLISION_BLOCKS` the large one: forearm, wrist and hand against base
+# Of `Robot.self_collision_blocks` the large one: forearm, wrist and hand against base
 # and shoulder. The other, link5 against the hand, hardly ever meets; the final check sees both.
 _TRUNK, _HAND = (0, 1, 2), (5, 6, 7, 8)
-_MODEL = spheres()
+_MODEL = PANDA.spheres
 _MOVING = np.nonzero(_MODEL.link > 0)[0]
 _OUTER = np.nonzero(np.isin(_MODEL.frame, _HAND))[0]
 _INNER = np.nonzero(np.isin(_MODEL.frame, _TRUNK))[0]
@@ -65,7 +65,7 @@ def _own(points: Float[Array, "N 3"]) -> tuple[Array, Array, Array]:
 
 def gaps(q: Float[Array, "7"], obstacles: Primitives) -> Gaps:
     """The room at joints `q` [rad] among `obstacles` (K,)."""
-    points = _MODEL.world(link_poses(q))
+    points = _MODEL.world(PANDA.link_poses(q))
     distance, _ = nearest(points[_MOVING], obstacles)
     return Gaps(distance - _MODEL.radius[_MOVING], _own(points)[0])
 
@@ -94,7 +94,7 @@ def clearance_cost(
 
     over the spheres with r_k > 0, J the gaps' derivative by q.
     """
-    poses = link_poses(q)
+    poses = PANDA.link_poses(q)
     points = _MODEL.world(poses)
     moving = points[_MOVING]
     distance, which = nearest(moving, obstacles)

@@ -26,7 +26,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from drpbench.compile import jit
 from drpbench.geometry import Primitives
-from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER
+from drpbench.robot import PANDA
 
 from .clearance_cost import Gaps, clearance_cost, gaps
 from .levenberg_marquardt import minimise
@@ -95,7 +95,7 @@ def _seeds(start, goal, key, hints, lower, upper, settings):
     middle of the line, the other anywhere within the limits.
     """
     middle = 0.5 * (start + goal)
-    home = jnp.asarray(HOME, start.dtype).at[0].set(middle[0])
+    home = jnp.asarray(PANDA.home, start.dtype).at[0].set(middle[0])
     near_key, far_key = jax.random.split(key)
     count = settings.vias // 2
     near = middle + _VIA_SPREAD * jax.random.normal(near_key, (count, 7))
@@ -196,8 +196,8 @@ def plan(
     not be used.
     """
     ends = jnp.stack([start, goal])
-    lower = jnp.minimum(JOINT_LOWER.astype(np.float32) + LIMIT_MARGIN, ends.min(axis=0))
-    upper = jnp.maximum(JOINT_UPPER.astype(np.float32) - LIMIT_MARGIN, ends.max(axis=0))
+    lower = jnp.minimum(PANDA.joint_lower.astype(np.float32) + LIMIT_MARGIN, ends.min(axis=0))
+    upper = jnp.maximum(PANDA.joint_upper.astype(np.float32) - LIMIT_MARGIN, ends.max(axis=0))
     seeds = _seeds(start, goal, key, hints, lower, upper, settings)
     obstructed = touches(gaps(goal, obstacles))
     modes = jnp.stack([obstructed, jnp.array(True)])[: 1 + settings.stop_short]

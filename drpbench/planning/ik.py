@@ -16,14 +16,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from drpbench.geometry import quaternion_to_matrix
-from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER, grip_jacobian, grip_pose, link_poses
+from drpbench.robot import PANDA
 
 LIMIT_MARGIN = 0.05  # [rad] that a solution keeps from the joint limits
 POSITION_TOLERANCE = 1e-4  # [m]
 ORIENTATION_TOLERANCE = 1e-3  # [rad]
 _ITERATIONS = 40
 _STEP = 0.5  # [rad] that a joint moves at most in one
-_SPREAD = np.array([0.5, 0.6, 0.8, 0.6, 0.8, 0.7, 0.0], np.float32)  # [rad] of seeds about HOME
 
 
 @jax.tree_util.register_dataclass
@@ -70,9 +69,9 @@ def rotation_vector(rotation: Float[Array, "3 3"]) -> Float[Array, "3"]:
 def _seeds(key, position, count, lower, upper):
     """(S, 7) about the home posture, turned towards the position, with any turn of the hand."""
     about_key, hand_key = jax.random.split(key)
-    seeds = HOME.astype(np.float32) + _SPREAD * jax.random.uniform(
-        about_key, (count, 7), minval=-1.0, maxval=1.0
-    )
+    seeds = PANDA.home.astype(np.float32) + PANDA.home_spread.astype(
+        np.float32
+    ) * jax.random.uniform(about_key, (count, 7), minval=-1.0, maxval=1.0)
     seeds = seeds.at[:, 0].add(jnp.arctan2(position[1], position[0]))
     seeds = seeds.at[:, 6].set(jax.random.uniform(hand_key, (count,), minval=-2.5, maxval=2.5))
     return jnp.clip(seeds, lower, upper)
@@ -86,14 +85,14 @@ def solve(
 ) -> Solutions:
     """Descends to the grip pose (`position` [m], unit `quaternion` wxyz) from each of `seeds`."""
     wanted = quaternion_to_matrix(quaternion)
-    lower = JOINT_LOWER.astype(np.float32) + LIMIT_MARGIN
-    upper = JOINT_UPPER.astype(np.float32) - LIMIT_MARGIN
+    lower = PANDA.joint_lower.astype(np.float32) + LIMIT_MARGIN
+    upper = PANDA.joint_upper.astype(np.float32) - LIMIT_MARGIN
 
     def errors(q):
-        poses = link_poses(q)
-        here, rotation = grip_pose(poses)
+        poses = PANDA.link_poses(q)
+        here, rotation = PANDA.grip_pose(poses)
         turn = jnp.matmul(wanted, rotation.T, precision="highest")
-        return jnp.concatenate([position - here, rotation_vector(turn)]), grip_jacobian(poses)
+        return jnp.concatenate([position - here, rotation_vector(turn)]), PANDA.grip_jacobian(poses)
 
     def damped(jacobian, error, damping):
         square = jnp.matmul(jacobian, jacobian.T, precision="highest") + damping * jnp.eye(6)

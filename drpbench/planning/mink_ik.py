@@ -6,21 +6,20 @@ import mink
 import mujoco
 import numpy as np
 
-from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER, PANDA_XML
+from drpbench.robot import PANDA
 
 from .checker import Checker
 
 LIMIT_MARGIN = 0.05  # [rad] that a solution keeps from its joint limits
 _STEPS = 40
 _TOLERANCE = 1e-3  # [m] and [rad]
-_SPREAD = np.array([0.5, 0.5, 0.7, 0.5, 0.7, 0.6, 0.0])  # [rad] of the random seeds about HOME
 
 
 class InverseKinematics:
     """Joint configurations that put the grip frame into a pose."""
 
     def __init__(self):
-        model = mujoco.MjModel.from_xml_path(str(PANDA_XML))
+        model = mujoco.MjModel.from_xml_path(str(PANDA.model))
         self._configuration = mink.Configuration(model)
         self._task = mink.FrameTask("grip", "site", position_cost=1.0, orientation_cost=0.3)
         self._limits = [mink.ConfigurationLimit(model, min_distance_from_limits=LIMIT_MARGIN)]
@@ -41,10 +40,10 @@ class InverseKinematics:
         random about the home configuration, turned towards the pose.
         """
         self._task.set_target(mink.SE3(np.concatenate([quaternion, position])))
-        lower, upper = JOINT_LOWER + LIMIT_MARGIN, JOINT_UPPER - LIMIT_MARGIN
+        lower, upper = PANDA.joint_lower + LIMIT_MARGIN, PANDA.joint_upper - LIMIT_MARGIN
         bearing = np.arctan2(position[1], position[0])
         for _ in range(seeds):
-            seed = HOME + _SPREAD * rng.uniform(-1, 1, 7)
+            seed = PANDA.home + PANDA.generation_spread * rng.uniform(-1, 1, 7)
             seed[0] += bearing
             seed[6] = rng.uniform(-2.5, 2.5)
             q = self._descend(np.clip(seed, lower, upper))

@@ -4,27 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-# Largest distance [m] of any point of the moving arm from each joint's axis, over all
-# configurations: sums of the arm's published offsets, and 0.28 m from the wrist's centre (joints 5
-# and 6 meet there) to the farthest point of the hand. Joint i turning by d moves no point farther
-# than LEVER[i] * |d|.
-_HAND, _FOREARM, _UPPER_ARM = 0.28, np.hypot(0.384, 0.0825), np.hypot(0.316, 0.0825)
-LEVER = np.array(
-    [
-        _UPPER_ARM + _FOREARM + _HAND,
-        _UPPER_ARM + _FOREARM + _HAND,
-        0.0825 + _FOREARM + _HAND,
-        _FOREARM + _HAND,
-        _HAND,
-        _HAND,
-        0.12,
-    ]
-)
+from drpbench.robot import PANDA
 
 
 def bound(a: np.ndarray, b: np.ndarray) -> float:
     """Metres that no point of the arm exceeds on the joint-space line from `a` (7,) to `b` (7,)."""
-    return float(LEVER @ np.abs(b - a))
+    return float(PANDA.lever @ np.abs(b - a))
 
 
 def line(a: np.ndarray, b: np.ndarray, resolution: float) -> np.ndarray:

@@ -7,9 +7,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from drpbench.geometry import Primitives, signed_distance
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, link_poses, moving_spheres, self_clearance
+from drpbench.robot import PANDA
 
-from .motion import LEVER
 from .retiming import along
 
 CLEARANCE = 0.0055  # [m] at every sample: the certificate asks for 5 mm at samples of its own
@@ -30,9 +29,9 @@ def motion_samples(
 ) -> tuple[Float[Array, "{count} 7"], Float[Array, ""]]:
     """`count` samples of a polyline and the motion [m] that no point of the arm exceeds between two.
 
-    Joint i turning by d moves no point farther than LEVER[i] |d| (`drpbench.planning.motion`).
+    Joint i turning by d moves no point farther than lever[i] |d| (`Robot.lever`).
     """
-    steps = jnp.sum(jnp.abs(jnp.diff(path, axis=0)) * LEVER.astype("float32"), axis=1)
+    steps = jnp.sum(jnp.abs(jnp.diff(path, axis=0)) * PANDA.lever.astype("float32"), axis=1)
     ends = jnp.concatenate([jnp.zeros(1), jnp.cumsum(steps)])
     wanted = jnp.linspace(0.0, 1.0, count) * ends[-1]
     return along(path, ends, wanted), ends[-1] / (count - 1)
@@ -45,16 +44,16 @@ def check_path(path: Float[Array, "T 7"], obstacles: Primitives) -> PathCheck:
     where that is more: so the spheres touch nothing between the samples either. Links of the arm may
     come as near each other as they like without touching. NaN never passes.
     """
-    model = moving_spheres()
+    model = PANDA.moving_spheres
     points, spacing = motion_samples(path, SAMPLES)
 
     def rooms(q):
-        poses = link_poses(q)
+        poses = PANDA.link_poses(q)
         gaps = signed_distance(model.world(poses), obstacles) - model.radius
-        return jnp.min(gaps), self_clearance(poses)
+        return jnp.min(gaps), PANDA.self_clearance(poses)
 
     obstacle, own = jax.vmap(rooms)(points)
     needed = jnp.maximum(CLEARANCE, 0.5 * spacing)
-    within = jnp.all((points >= JOINT_LOWER) & (points <= JOINT_UPPER), axis=1)
+    within = jnp.all((points >= PANDA.joint_lower) & (points <= PANDA.joint_upper), axis=1)
     good = (obstacle >= needed) & (own > 0.0) & within
     return PathCheck(jnp.all(good), jnp.min(obstacle))

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from drpbench.geometry import Primitives
-from drpbench.robot import VELOCITY_LIMIT
+from drpbench.robot import PANDA
 
 from . import ik
 from .clearance_cost import gaps
@@ -29,7 +29,7 @@ def nearest_goal(
     """
     found = ik.solve(position, quaternion, key, seeds)
     contact = jax.vmap(lambda q: touches(gaps(q, obstacles)))(found.q)
-    away = jnp.max(jnp.abs(found.q - start) / VELOCITY_LIMIT.astype(np.float32), axis=1)
+    away = jnp.max(jnp.abs(found.q - start) / PANDA.velocity_limit.astype(np.float32), axis=1)
     left = found.position_error + found.orientation_error
     rank = jnp.where(found.converged, away + 1.0e2 * contact, 1.0e4 * (1.0 + left))
     best = jnp.argmin(rank)

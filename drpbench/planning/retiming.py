@@ -8,13 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from drpbench.robot import VELOCITY_LIMIT
+from drpbench.robot import PANDA
 
 from .spline import natural_slopes
 
-# Franka Emika's data sheet.
-ACCELERATION_LIMIT = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])  # [rad/s^2]
-JERK_LIMIT = 500.0 * ACCELERATION_LIMIT  # [rad/s^3], times 1/s
 _GRID = 512  # intervals of the path on which its speed is planned
 _BEND_SHARE = (
     0.7  # of the acceleration limit that bends may take, so that some is left for the speed
@@ -24,7 +21,9 @@ _TINY = 1.0e-6
 
 def step_lengths(path: Float[Array, "T 7"]) -> Float[Array, " T-1"]:
     """Length [s] of each step of a polyline: max_i |dq_i| / VELOCITY_LIMIT_i, its least duration."""
-    return jnp.max(jnp.abs(jnp.diff(path, axis=0)) / VELOCITY_LIMIT.astype(np.float32), axis=1)
+    return jnp.max(
+        jnp.abs(jnp.diff(path, axis=0)) / PANDA.velocity_limit.astype(np.float32), axis=1
+    )
 
 
 def uniform(
@@ -79,7 +78,7 @@ def retime(path: Float[Array, "T 7"], count: int = 256) -> Trajectory:
     _, first, second = jax.vmap(partial(_spline, path, slopes))(s)
     first, second = jnp.maximum(jnp.abs(first), _TINY), jnp.maximum(jnp.abs(second), _TINY)
     fastest, strongest = (
-        jnp.asarray(limit, path.dtype) for limit in (VELOCITY_LIMIT, ACCELERATION_LIMIT)
+        jnp.asarray(limit, path.dtype) for limit in (PANDA.velocity_limit, PANDA.acceleration_limit)
     )
     ceiling = jnp.min(jnp.minimum((fastest / first) ** 2, _BEND_SHARE * strongest / second), axis=1)
 
@@ -113,7 +112,11 @@ def _slowing(q: Float[Array, "N 7"], step: Float[Array, ""]) -> Float[Array, ""]
     """By which factor samples `step` [s] apart must be slowed down, starting and ending at rest."""
     q = jnp.concatenate([jnp.repeat(q[:1], 3, axis=0), q, jnp.repeat(q[-1:], 3, axis=0)])
     needed = jnp.ones(())
-    for order, limit in ((1, VELOCITY_LIMIT), (2, ACCELERATION_LIMIT), (3, JERK_LIMIT)):
+    for order, limit in (
+        (1, PANDA.velocity_limit),
+        (2, PANDA.acceleration_limit),
+        (3, PANDA.jerk_limit),
+    ):
         difference = jnp.max(jnp.abs(jnp.diff(q, n=order, axis=0)) / limit.astype(np.float32))
         needed = jnp.maximum(needed, (difference / step**order) ** (1.0 / order))
     return 1.001 * needed

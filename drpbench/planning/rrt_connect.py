@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from drpbench.planning import motion
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+from drpbench.robot import PANDA
 
 from .checker import Checker
 from .mink_ik import LIMIT_MARGIN
@@ -54,7 +54,7 @@ class Planner:
         if self.straight(start, goal):
             return np.stack([start, goal])
         here, there = _Tree(start), _Tree(goal)
-        lower, upper = JOINT_LOWER + LIMIT_MARGIN, JOINT_UPPER - LIMIT_MARGIN
+        lower, upper = PANDA.joint_lower + LIMIT_MARGIN, PANDA.joint_upper - LIMIT_MARGIN
         while self.checks - first_check < max_checks:
             if rng.uniform() < 0.5:
                 target = rng.uniform(lower, upper)
@@ -132,7 +132,7 @@ class _Tree:
 
     def nearest(self, target: np.ndarray) -> int:
         # Joints weighed by their levers: near is what the arm reaches with little motion.
-        offsets = (self.points[: len(self._parents)] - target) * motion.LEVER
+        offsets = (self.points[: len(self._parents)] - target) * PANDA.lever
         return int(np.argmin(np.einsum("ij,ij->i", offsets, offsets)))
 
     def add(self, point: np.ndarray, parent: int) -> int:

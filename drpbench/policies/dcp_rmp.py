@@ -33,14 +33,7 @@ from jaxtyping import Array, Bool, Float
 from drpbench.compile import stored
 from drpbench.contract import CONTROL_PERIOD, Observation, Scalar
 from drpbench.geometry import matrix_to_quaternion
-from drpbench.robot import (
-    JOINT_LOWER,
-    JOINT_UPPER,
-    grip_pose,
-    link_poses,
-    moving_spheres,
-    point_jacobian,
-)
+from drpbench.robot import PANDA, point_jacobian
 
 from .dynamic_points import is_dynamic, near_arm, squared_distances, velocity
 
@@ -123,7 +116,7 @@ class DcpRmp:
 
     def act(self, observation: Observation, carry: Carry, key):
         goal = self.reaction(observation, carry).goal_joints
-        position, rotation = grip_pose(link_poses(goal))
+        position, rotation = PANDA.grip_pose(PANDA.link_poses(goal))
         seen = replace(
             observation,
             goal_joints=goal,
@@ -135,9 +128,9 @@ class DcpRmp:
 
     def reaction(self, observation: Observation, carry: Carry) -> Reaction:
         """What `act` bases its answer on, for one observation and the carry that it would be given."""
-        model = moving_spheres()
+        model = PANDA.moving_spheres
         q = observation.joint_position
-        poses = link_poses(q)
+        poses = PANDA.link_poses(q)
         centers, radii = model.world(poses), jnp.asarray(model.radius)
         coarse = np.arange(0, model.count, 4)
         near = near_arm(
@@ -156,7 +149,9 @@ class DcpRmp:
             velocity(x_obs, carry.points, carry.mask, CONTROL_PERIOD, farthest=_APPEARED),
         )
         matters = dynamic.any() & (jnp.sum(jnp.square(x_p - x_obs)) < self.constants.r)
-        goal = jnp.where(matters, jnp.clip(goal, JOINT_LOWER, JOINT_UPPER), observation.goal_joints)
+        goal = jnp.where(
+            matters, jnp.clip(goal, PANDA.joint_lower, PANDA.joint_upper), observation.goal_joints
+        )
         return Reaction(
             active=(goal != observation.goal_joints).any(),
             obstacle_point=x_obs,

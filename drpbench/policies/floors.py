@@ -6,9 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from drpbench.contract import Scalar
-from drpbench.robot import VELOCITY_LIMIT
-
-SERVO_LAG = 0.05  # [s] kd / kp: a target this far ahead of the arm makes it move at the speed meant
+from drpbench.robot import PANDA
 
 
 @jax.tree_util.register_dataclass
@@ -40,6 +38,6 @@ class Straight:
     def act(self, observation, carry, key):
         away = observation.goal_joints - observation.joint_position
         # The joint that is slowest relative to its limit sets the pace of all.
-        needed = jnp.max(jnp.abs(away) / jnp.asarray(VELOCITY_LIMIT, away.dtype))
-        share = jnp.minimum(1.0, self.speed * SERVO_LAG / jnp.maximum(needed, 1e-9))
+        needed = jnp.max(jnp.abs(away) / jnp.asarray(PANDA.velocity_limit, away.dtype))
+        share = jnp.minimum(1.0, self.speed * PANDA.servo_lag / jnp.maximum(needed, 1e-9))
         return observation.joint_position + share * away, carry

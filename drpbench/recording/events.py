@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drpbench.contract import REACH_ORIENTATION, REACH_POSITION
-from drpbench.robot import LINKS
+from drpbench.robot import PANDA
 
 from .episode import Episode
 from .motion import Motion
@@ -57,7 +57,7 @@ def _boxes(episode: Episode) -> Iterator[Event]:
 
 def _contacts(motion: Motion) -> Iterator[Event]:
     for first, last in _spells(motion.touching):
-        name = LINKS[motion.link[first]]
+        name = PANDA.link_names[motion.link[first]]
         yield Event(first, f"collision: {name} touches an obstacle", bad=True)
         if last < len(motion.touching):
             depth = -1e3 * motion.clearance[first:last].min()

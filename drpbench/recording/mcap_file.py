@@ -12,7 +12,7 @@ from google.protobuf.wrappers_pb2 import DoubleValue
 
 from drpbench.geometry import BOX, FAR
 from drpbench.policies import DcpRmp
-from drpbench.robot import LINKS
+from drpbench.robot import PANDA
 
 from . import container, messages
 from .clouds import clouds
@@ -28,7 +28,7 @@ SELDOM = 6  # control steps between clouds, errors and reactions: 10 Hz
 TEMPORARY = ".*.mcap.tmp"
 """Names of files that are not finished."""
 _CHUNK = 4 * 10**9  # [ns] about a megabyte
-FRAMES = LINKS[:9]  # link0 to link7, hand
+FRAMES = PANDA.link_names[:9]  # link0 to link7, hand
 JOINTS = tuple(f"joint{i}" for i in range(1, 8))
 
 OBSTACLE = (0.62, 0.66, 0.72)

@@ -18,7 +18,7 @@ from drpbench.geometry import (
     rotation_angle,
     signed_distance,
 )
-from drpbench.robot import LINKS, LinkPoses, grip_pose, link_poses, moving_spheres
+from drpbench.robot import PANDA, LinkPoses
 
 from .episode import Episode
 
@@ -44,7 +44,7 @@ class Motion:
 
     def touched(self, instant: int) -> str | None:
         """The link in contact, or None."""
-        return LINKS[self.link[instant]] if self.touching[instant] else None
+        return PANDA.link_names[self.link[instant]] if self.touching[instant] else None
 
 
 def motion(episode: Episode) -> Motion:
@@ -74,10 +74,10 @@ def _obstacles(problem: Problem, movers: Movers) -> Primitives:
 
 def _search(problem: Problem, q: jax.Array, qd: jax.Array, movers: Movers) -> jax.Array:
     """Index of the sphere that comes nearest to an obstacle in either substep."""
-    model, obstacles = moving_spheres(), _obstacles(problem, movers)
+    model, obstacles = PANDA.moving_spheres, _obstacles(problem, movers)
 
     def gaps(joints: jax.Array) -> jax.Array:
-        return signed_distance(model.world(link_poses(joints)), obstacles) - model.radius
+        return signed_distance(model.world(PANDA.link_poses(joints)), obstacles) - model.radius
 
     return jnp.argmin(jnp.minimum(gaps(_middle(q, qd)), gaps(q)))
 
@@ -85,8 +85,8 @@ def _search(problem: Problem, q: jax.Array, qd: jax.Array, movers: Movers) -> ja
 def _whole(
     problem: Problem, q: jax.Array, qd: jax.Array, movers: Movers, sphere: jax.Array
 ) -> dict[str, jax.Array]:
-    model, obstacles = moving_spheres(), _obstacles(problem, movers)
-    poses = link_poses(q)
+    model, obstacles = PANDA.moving_spheres, _obstacles(problem, movers)
+    poses = PANDA.link_poses(q)
     local, frame, radius, link = (
         jnp.asarray(part)[sphere] for part in (model.local, model.frame, model.radius, model.link)
     )
@@ -95,11 +95,11 @@ def _whole(
         center = poses.position[frame] + jnp.sum(poses.rotation[frame] * local, axis=-1)
         return center, *nearest(center, obstacles)
 
-    middle, end = nearest_to(link_poses(_middle(q, qd))), nearest_to(poses)
+    middle, end = nearest_to(PANDA.link_poses(_middle(q, qd))), nearest_to(poses)
     center, away, which = jax.tree.map(
         lambda a, b: jnp.where(middle[1] < end[1], a, b), middle, end
     )
-    position, rotation = grip_pose(poses)
+    position, rotation = PANDA.grip_pose(poses)
     goal_rotation = quaternion_to_matrix(jnp.asarray(problem.goal_quaternion))
     return {
         "link_position": poses.position,
@@ -121,7 +121,7 @@ _follow = jit(jax.vmap(_whole, in_axes=(None, 0, 0, 0, 0)))
 @jit
 @jax.vmap
 def _arm_at(q: jax.Array) -> tuple[jax.Array, jax.Array]:
-    poses = link_poses(q)
+    poses = PANDA.link_poses(q)
     return poses.position, matrix_to_quaternion(poses.rotation)
 
 

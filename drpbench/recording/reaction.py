@@ -14,7 +14,7 @@ from drpbench.geometry import signed_distance
 from drpbench.perception.surface_cloud import robot_points, scene_cloud
 from drpbench.policies import DcpRmp, Reaction
 from drpbench.policies.dcp_rmp import Carry, Constants
-from drpbench.robot import link_poses, moving_spheres
+from drpbench.robot import PANDA
 
 from .episode import Episode
 
@@ -74,8 +74,8 @@ _ROUNDING = 1e-3  # [m]
 @jax.vmap
 def _gap(q: jax.Array, movers: Movers) -> jax.Array:
     """Distance [m] of the arm's surface and the moving boxes."""
-    model = moving_spheres()
-    distance = signed_distance(model.world(link_poses(q)), movers.primitives())
+    model = PANDA.moving_spheres
+    distance = signed_distance(model.world(PANDA.link_poses(q)), movers.primitives())
     return jnp.min(distance - model.radius)
 
 
@@ -99,7 +99,7 @@ def _once(
         goal_quaternion=jnp.asarray(state.problem.goal_quaternion),
         scene_points=points,
         scene_mask=mask,
-        robot_points=robot_points().world(link_poses(q)),
+        robot_points=robot_points().world(PANDA.link_poses(q)),
     )
     return module.reaction(observation, carry)
 

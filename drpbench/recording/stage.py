@@ -8,8 +8,8 @@ import numpy as np
 
 from drpbench.contract import CONTROL_PERIOD
 from drpbench.geometry import BOX, CYLINDER, SHAPES, SPHERE
-from drpbench.robot import LINKS, PANDA_XML, find_mesh_model
-from drpbench.robot.arms.panda import FINGER_OPENING
+from drpbench.robot import PANDA
+from drpbench.robot.arms.panda.fingers import FINGER_OPENING
 
 from .episode import Episode
 from .figure import GREY, WHITE, arm_figure
@@ -39,7 +39,7 @@ class Stage:
     """
 
     def __init__(self, width: int, height: int, meshes: Path | None = None):
-        meshes = meshes or find_mesh_model()
+        meshes = meshes or PANDA.meshes.find()
         self.model = (_mesh_arm(meshes) if meshes else _solid_arm()).compile()
         self._data = mujoco.MjData(self.model)
         self._ghosts: dict[str, tuple[np.ndarray, np.ndarray]] = {}
@@ -150,9 +150,9 @@ def _obstacles(episode: Episode, instant: int) -> Iterator[tuple]:
 
 
 def _solid_arm() -> mujoco.MjSpec:
-    spec = mujoco.MjSpec.from_file(str(PANDA_XML))
+    spec = mujoco.MjSpec.from_file(str(PANDA.model))
     for solid in arm_figure():
-        geom = spec.body(LINKS[solid.frame]).add_geom()
+        geom = spec.body(PANDA.link_names[solid.frame]).add_geom()
         x, _, z = solid.half_size
         geom.type = _GEOM[SHAPES.index(solid.kind)]
         geom.size = [x, z, 0] if solid.kind == "cylinder" else solid.half_size

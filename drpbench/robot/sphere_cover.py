@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from .link_meshes import LinkMesh
+from .robot import Robot
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,9 @@ class CoverFigures:
     exposed_area: float
 
 
-def link_spheres(link: str) -> np.ndarray:
-    """The shipped spheres (K, 4) of a link: centre in its own frame and radius [m]."""
-    return np.array(
-        json.loads((Path(__file__).parent / "arms" / "panda" / "spheres.json").read_text())[link]
-    )
+def link_spheres(robot: Robot, link: str) -> np.ndarray:
+    """The spheres (K, 4) of a link: centre in its own frame and radius [m]."""
+    return np.array(json.loads((robot.folder / "spheres.json").read_text())[link])
 
 
 def gap(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from drpbench.contract import CONTROL_STEPS, Policy, Problem
 from drpbench.envs import Events, State, Task, World
 from drpbench.geometry import Primitives, quaternion_to_matrix, rotation_angle
 from drpbench.problems import ProblemSet
-from drpbench.robot import grip_pose, link_poses
+from drpbench.robot import PANDA
 
 LANES = 64
 """Smallest compiled batch. XLA's rounding depends on shapes, so smaller batches are padded to it."""
@@ -142,7 +142,7 @@ class Rollout:
             key = instance_key(self.seed, self.world.task.name, problem.id, 0)
             state = self.world.reset(problem, key)
             carry = policy.init(self.world.observe(state, policy.privileged))
-            return state, carry, grip_pose(link_poses(state.joint_position))[0]
+            return state, carry, PANDA.grip_pose(PANDA.link_poses(state.joint_position))[0]
 
         return jax.vmap(reset)(problems)
 

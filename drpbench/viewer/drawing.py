@@ -10,7 +10,7 @@ import viser
 from drpbench.geometry import BOX, matrix_to_quaternion
 from drpbench.recording.mcap_file import MODIFIED
 from drpbench.recording.stage import CONTACT, FURNITURE, GHOST, MOVER, TABLE
-from drpbench.robot import LINKS
+from drpbench.robot import PANDA
 
 from .furniture import Furniture
 from .moment import Frames, Moment
@@ -221,10 +221,10 @@ class Drawing:
     def _show_arm(self, moment: Moment, touching: str | None) -> None:
         frames, meshes = self._arm
         _pose(frames, moment.arm)
-        now = LINKS[moment.link] if moment.clearance < 0.0 else touching
+        now = PANDA.link_names[moment.link] if moment.clearance < 0.0 else touching
         if now != self._red:
             self._red = now
-            frame = None if now is None else min(LINKS.index(now), _HAND)
+            frame = None if now is None else min(PANDA.link_names.index(now), _HAND)
             for (of, color), mesh in meshes.items():
                 mesh.color = rgb(CONTACT if of == frame else color)
         if now:

@@ -19,7 +19,7 @@ from drpbench.geometry import (
 )
 from drpbench.perception.surface_cloud import shares
 from drpbench.policies import DcpRmp, Reaction
-from drpbench.robot import grip_pose, link_poses, moving_spheres
+from drpbench.robot import PANDA
 
 Frames = tuple[np.ndarray, np.ndarray]
 """Positions (9, 3) [m] and quaternions (9, 4) wxyz of link0 to link7 and the hand."""
@@ -69,13 +69,13 @@ class Moment:
 def moment(world: World, policy: Policy, state: State, carry: Any) -> Moment:
     """What there is to see of a world, for `jit`; `carry` is what the policy would be given next."""
     observation = world.observe(state)
-    obstacles, model, problem = world.obstacles(state), moving_spheres(), state.problem
-    poses = link_poses(state.joint_position)
+    obstacles, model, problem = world.obstacles(state), PANDA.moving_spheres, state.problem
+    poses = PANDA.link_poses(state.joint_position)
     centers = model.world(poses)
     gaps = signed_distance(centers, obstacles) - model.radius
     sphere = jnp.argmin(gaps)
     away, which = nearest(centers[sphere], obstacles)
-    position, rotation = grip_pose(poses)
+    position, rotation = PANDA.grip_pose(poses)
     goal_rotation = quaternion_to_matrix(problem.goal_quaternion)
     reaction = policy.reaction(observation, carry) if isinstance(policy, DcpRmp) else None
     return Moment(
@@ -101,5 +101,5 @@ def moment(world: World, policy: Policy, state: State, carry: Any) -> Moment:
 
 
 def _frames(joints: jax.Array) -> tuple[jax.Array, jax.Array]:
-    poses = link_poses(joints)
+    poses = PANDA.link_poses(joints)
     return poses.position, matrix_to_quaternion(poses.rotation)

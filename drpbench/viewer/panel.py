@@ -6,7 +6,7 @@ import numpy as np
 import viser
 
 from drpbench.contract import CONTROL_PERIOD, CONTROL_STEPS
-from drpbench.robot import LINKS
+from drpbench.robot import PANDA
 
 from .moment import Moment
 from .simulation import Simulation
@@ -85,7 +85,7 @@ class Panel:
         time = f"{seconds:.2f} s of {whole:.1f} s"
         if playing:
             time += f" &nbsp;(x {pace:.1f})"
-        room = f"{100 * clearance:.1f} cm, {named(LINKS[moment.link])}"
+        room = f"{100 * clearance:.1f} cm, {named(PANDA.link_names[moment.link])}"
         family = self._families[simulation.id].replace("_", " ")
         rows = [
             ("time", time, _GREY),

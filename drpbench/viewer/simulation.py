@@ -26,7 +26,7 @@ from drpbench.planning.pose_goals import nearest_goal
 from drpbench.plugins.host import Failed, Hosted
 from drpbench.policies import DcpRmp
 from drpbench.problems import ProblemSet
-from drpbench.robot import LINKS, moving_spheres
+from drpbench.robot import PANDA
 from drpbench.rollout.batch import instance_key, record, take
 
 from .furniture import Furniture, with_room
@@ -139,7 +139,7 @@ class Simulation:
             )
         self.clock += 1
         step = jax.device_get(step)
-        link = LINKS[moving_spheres().link[step["sphere"]]]
+        link = PANDA.link_names[PANDA.moving_spheres.link[step["sphere"]]]
         self.touching = link if step["clearance"] < 0.0 else None
         if self.clock <= CONTROL_STEPS:
             self._judge(step)

@@ -11,8 +11,7 @@ from drpbench.baselines import Rmp
 from drpbench.compile import jit
 from drpbench.contract import Policy
 from drpbench.envs import TASKS, World
-from drpbench.policies import SERVO_LAG
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, moving_spheres
+from drpbench.robot import PANDA
 
 from ..scenes import batch, bodies, observation, postures, problem
 
@@ -58,8 +57,8 @@ def test_it_goes_for_the_goal_where_there_is_nothing(act):
 
 def test_it_is_pushed_away_from_a_point_that_it_closes_on(act):
     """With a point 2 cm before a sphere, the arm turns away from it, compared to without."""
-    model = moving_spheres()
-    centers_of = jit(jax.vmap(jax.jacfwd(lambda q: model.world(link_poses(q)))))
+    model = PANDA.moving_spheres
+    centers_of = jit(jax.vmap(jax.jacfwd(lambda q: model.world(PANDA.link_poses(q)))))
     q = postures(24, seed=2)
     centers, jacobians = bodies(q)[0], np.asarray(centers_of(q))
     rng = np.random.default_rng(0)
@@ -92,7 +91,7 @@ def test_a_masked_point_is_not_there(act):
 def test_targets_are_finite_and_within_reach_of_the_velocity_limits(act, crowd):
     rng = np.random.default_rng(0)
     for b, q in enumerate(postures(10, seed=4)):
-        velocity = rng.uniform(-1.0, 1.0, 7) * VELOCITY_LIMIT
+        velocity = rng.uniform(-1.0, 1.0, 7) * PANDA.velocity_limit
         centers = bodies(q)[0][0]
         points = {
             "none": (),
@@ -102,12 +101,12 @@ def test_targets_are_finite_and_within_reach_of_the_velocity_limits(act, crowd):
         goal = postures(1, seed=b)[0]
         target = np.asarray(act(Rmp(), observation(q, goal, velocity, points)))
         assert np.isfinite(target).all()
-        assert (np.abs(target - q) <= VELOCITY_LIMIT * SERVO_LAG + 1e-5).all()
+        assert (np.abs(target - q) <= PANDA.velocity_limit * PANDA.servo_lag + 1e-5).all()
 
 
 def test_it_holds_back_from_a_joint_limit(act):
     """Less so without its leaf for the limits. The goal is beyond."""
-    for limit, sign in ((JOINT_LOWER, -1.0), (JOINT_UPPER, 1.0)):
+    for limit, sign in ((PANDA.joint_lower, -1.0), (PANDA.joint_upper, 1.0)):
         q = (limit - sign * 1e-3).astype(np.float32)
         seen = observation(q, limit + sign * 0.5)
         free, held = (sign * (np.asarray(act(rmp, seen)) - q) for rmp in (Rmp(mu_l=0.0), Rmp()))
@@ -118,10 +117,10 @@ def test_it_holds_back_from_a_joint_limit(act):
 def test_it_reaches_free_goals_and_keeps_the_joint_limits(drive):
     start = postures(LANES, seed=5)
     away = np.random.default_rng(5).uniform(-1.5, 1.5, start.shape)
-    goal = np.clip(start + away, JOINT_LOWER + 0.1, JOINT_UPPER - 0.1)
+    goal = np.clip(start + away, PANDA.joint_lower + 0.1, PANDA.joint_upper - 0.1)
     problems = batch([problem(a, b) for a, b in zip(start, goal, strict=True)])
     joints, grip = (np.asarray(a) for a in drive(Rmp(), problems))
     assert np.isfinite(joints).all()
     assert np.linalg.norm(grip[0] - problems.goal_position, axis=1).min() > 0.1
     assert np.linalg.norm(grip[-1] - problems.goal_position, axis=1).max() < 0.01
-    assert (joints > JOINT_LOWER - 1e-3).all() and (joints < JOINT_UPPER + 1e-3).all()
+    assert (joints > PANDA.joint_lower - 1e-3).all() and (joints < PANDA.joint_upper + 1e-3).all()

@@ -10,14 +10,7 @@ from drpbench.compile import jit
 from drpbench.envs import contact
 from drpbench.envs.contact import DAMPING, STIFFNESS
 from drpbench.geometry import FAR
-from drpbench.robot import (
-    HOME,
-    JOINT_LOWER,
-    JOINT_UPPER,
-    VELOCITY_LIMIT,
-    link_poses,
-    moving_spheres,
-)
+from drpbench.robot import PANDA
 
 from ..scenes import batch, bodies, boxes, postures, problem
 
@@ -30,8 +23,8 @@ def touch():
     """`contact` of 64 configurations, velocities and sets of two boxes."""
 
     def one(q, qd, obstacles):
-        poses = link_poses(q)
-        return contact(poses, qd, moving_spheres().world(poses), obstacles)
+        poses = PANDA.link_poses(q)
+        return contact(poses, qd, PANDA.moving_spheres.world(poses), obstacles)
 
     return jit(jax.vmap(one))
 
@@ -39,7 +32,7 @@ def touch():
 @pytest.fixture(scope="module")
 def sphere_jacobians():
     """d centre / d q (64, S, 3, 7) of every sphere, by automatic differentiation."""
-    centers = jax.jacfwd(lambda q: moving_spheres().world(link_poses(q)))
+    centers = jax.jacfwd(lambda q: PANDA.moving_spheres.world(PANDA.link_poses(q)))
     return lambda q: np.asarray(jit(jax.vmap(centers))(q), float)
 
 
@@ -48,11 +41,11 @@ def touching():
     """64 arms in motion, each with a turned box on one of its spheres and another that is masked."""
     rng = np.random.default_rng(0)
     q = postures(COUNT, seed=1)
-    qd = (rng.uniform(-0.5, 0.5, (COUNT, 7)) * VELOCITY_LIMIT).astype(np.float32)
+    qd = (rng.uniform(-0.5, 0.5, (COUNT, 7)) * PANDA.velocity_limit).astype(np.float32)
     centers = bodies(q)[0]
     sets = []
     for b in range(COUNT):
-        s = rng.integers(moving_spheres().count)
+        s = rng.integers(PANDA.moving_spheres.count)
         half = rng.uniform(0.03, 0.15, 3)
         turn = Rotation.random(rng=rng).as_matrix()
         offset = turn @ (rng.choice([-1, 1], 3) * half * rng.uniform(0.6, 1.1, 3))
@@ -81,7 +74,7 @@ def from_box(points, obstacles):
 
 def by_virtual_work(q, qd, obstacles, jacobians):
     """Torque (7,) by J^T f over the deepest sphere of each frame; clearance; the sphere it is of."""
-    model = moving_spheres()
+    model = PANDA.moving_spheres
     centers = bodies(q)[0][0].astype(float)
     distance, gradient = from_box(centers, obstacles)
     distance -= model.radius
@@ -104,7 +97,7 @@ def lane(batched, b):
 def links_touching(q, obstacles):
     """On how many frames a sphere is inside the first box."""
     distance, _ = from_box(bodies(q)[0][0].astype(float), obstacles)
-    return len(np.unique(moving_spheres().frame[distance < moving_spheres().radius]))
+    return len(np.unique(PANDA.moving_spheres.frame[distance < PANDA.moving_spheres.radius]))
 
 
 def test_torque_and_clearance_are_those_of_virtual_work(touch, touching, sphere_jacobians):
@@ -155,8 +148,8 @@ def test_what_is_masked_is_not_there(touch, touching):
 
 def test_a_world_without_any_obstacle_has_no_contact():
     empty = jax.tree.map(lambda leaf: leaf[:0], boxes())
-    poses = link_poses(jnp.asarray(HOME, jnp.float32))
-    found = contact(poses, jnp.zeros(7), moving_spheres().world(poses), empty)
+    poses = PANDA.link_poses(jnp.asarray(PANDA.home, jnp.float32))
+    found = contact(poses, jnp.zeros(7), PANDA.moving_spheres.world(poses), empty)
     np.testing.assert_array_equal(found.torque, np.zeros(7))
     assert found.clearance > 0.9 * FAR
 
@@ -164,13 +157,13 @@ def test_a_world_without_any_obstacle_has_no_contact():
 def walls(seed, joints, step):
     """16 arms and goals behind a wall 0.5 m thick, that starts 10 cm from the arm."""
     rng = np.random.default_rng(seed)
-    radius = moving_spheres().radius
+    radius = PANDA.moving_spheres.radius
     found, sides = [], []
     for q in postures(800, seed):
         goal = q.copy()
         moved = rng.permutation(7)[:joints]
         goal[moved] += rng.choice([-step, step], joints)
-        goal = np.clip(goal, JOINT_LOWER + 0.05, JOINT_UPPER - 0.05)
+        goal = np.clip(goal, PANDA.joint_lower + 0.05, PANDA.joint_upper - 0.05)
         centers = bodies(np.stack([q, goal]))[0]
         axis, sign = rng.integers(3), rng.choice([-1, 1])
         now, then = ((sign * centers[i, :, axis] + radius).max() for i in (0, 1))
@@ -208,7 +201,7 @@ def test_a_box_that_appears_inside_the_arm_does_not_shoot_it_away(drive):
     q = postures(16, seed=5)
     centers = bodies(q)[0]
     rng = np.random.default_rng(5)
-    inside = rng.integers(moving_spheres().count, size=16)
+    inside = rng.integers(PANDA.moving_spheres.count, size=16)
     problems = batch(
         [
             problem(q[b], obstacles=boxes((centers[b, inside[b]], rng.uniform(0.05, 0.15, 3))))

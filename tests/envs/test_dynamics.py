@@ -8,7 +8,7 @@ import pytest
 from drpbench.compile import jit
 from drpbench.contract import CONTROL_PERIOD
 from drpbench.envs.dynamics import SUBSTEPS, substep
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, PANDA_XML, TORQUE_LIMIT, VELOCITY_LIMIT
+from drpbench.robot import PANDA
 
 EPISODES, STEPS = 16, 200
 STOP_STIFFNESS = 2000.0  # [N m/rad] docs/protocol.md
@@ -18,7 +18,7 @@ SUBSTEP = CONTROL_PERIOD / SUBSTEPS
 
 @pytest.fixture(scope="module")
 def model():
-    return mujoco.MjModel.from_xml_path(str(PANDA_XML))
+    return mujoco.MjModel.from_xml_path(str(PANDA.model))
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def in_c(model, q, qd, targets, torques):
             data.ctrl = targets[b, t]
             data.qfrc_applied = torques[b, t] - STOP_STIFFNESS * beyond(data.qpos)
             mujoco.mj_step(model, data)
-            limited[b, t] = (np.abs(data.actuator_force) >= 0.999 * TORQUE_LIMIT).any()
+            limited[b, t] = (np.abs(data.actuator_force) >= 0.999 * PANDA.torque_limit).any()
             position[b, t], velocity[b, t] = data.qpos, data.qvel
     return position, velocity, limited
 
@@ -71,8 +71,10 @@ def by_formula(model, q, qd, targets, torques):
             mujoco.mj_forward(model, data)
             for column, unit in zip(mass.T, np.eye(7), strict=True):
                 mujoco.mj_mulM(model, data, column, unit)
-            aim = np.clip(targets[b, t], JOINT_LOWER, JOINT_UPPER)
-            servo = np.clip(KP * (aim - position) - KD * velocity, -TORQUE_LIMIT, TORQUE_LIMIT)
+            aim = np.clip(targets[b, t], PANDA.joint_lower, PANDA.joint_upper)
+            servo = np.clip(
+                KP * (aim - position) - KD * velocity, -PANDA.torque_limit, PANDA.torque_limit
+            )
             force = servo + torques[b, t] - STOP_STIFFNESS * beyond(position)
             force -= DAMPING * velocity + data.qfrc_bias
             inertia = mass + h * (KD + DAMPING) * np.eye(7)
@@ -83,15 +85,15 @@ def by_formula(model, q, qd, targets, torques):
 
 
 def beyond(q):
-    return q - np.clip(q, JOINT_LOWER, JOINT_UPPER)
+    return q - np.clip(q, PANDA.joint_lower, PANDA.joint_upper)
 
 
 def walking_targets(rng, share):
     """Random starts, and targets that walk from there at up to `share` of the velocity limits."""
-    start = rng.uniform(JOINT_LOWER + 0.3, JOINT_UPPER - 0.3, (EPISODES, 7))
-    legs = rng.uniform(-share, share, (EPISODES, 4, 7)) * VELOCITY_LIMIT * SUBSTEP
+    start = rng.uniform(PANDA.joint_lower + 0.3, PANDA.joint_upper - 0.3, (EPISODES, 7))
+    legs = rng.uniform(-share, share, (EPISODES, 4, 7)) * PANDA.velocity_limit * SUBSTEP
     targets = start[:, None] + np.cumsum(np.repeat(legs, STEPS // 4, axis=1), axis=1)
-    return start, np.clip(targets, JOINT_LOWER, JOINT_UPPER)
+    return start, np.clip(targets, PANDA.joint_lower, PANDA.joint_upper)
 
 
 def test_two_substeps_are_one_control_step(model):
@@ -104,7 +106,7 @@ def test_motion_within_the_torque_limits_is_that_of_c_mujoco(simulate, model):
     q, targets = walking_targets(rng, 0.2)
     qd = rng.uniform(-0.1, 0.1, q.shape)
     torques = np.repeat(rng.uniform(-0.1, 0.1, (EPISODES, 4, 7)), STEPS // 4, axis=1)
-    torques *= TORQUE_LIMIT
+    torques *= PANDA.torque_limit
     position, velocity = simulate(q, qd, targets, torques)
     expected, expected_velocity, limited = in_c(model, q, qd, targets, torques)
     assert not limited.any()
@@ -116,7 +118,7 @@ def test_motion_within_the_torque_limits_is_that_of_c_mujoco(simulate, model):
 def test_motion_at_the_torque_limits_is_by_the_formula(simulate, model):
     rng = np.random.default_rng(1)
     q, targets = walking_targets(rng, 1.0)
-    qd = rng.uniform(-1.0, 1.0, q.shape) * VELOCITY_LIMIT
+    qd = rng.uniform(-1.0, 1.0, q.shape) * PANDA.velocity_limit
     torques = np.zeros_like(targets)
     assert in_c(model, q, qd, targets, torques)[2].mean() > 0.1
     position, _ = simulate(q, qd, targets, torques)
@@ -127,12 +129,12 @@ def test_motion_at_the_torque_limits_is_by_the_formula(simulate, model):
 def test_a_servo_pushes_with_its_torque_limit_and_no_more(simulate):
     """From rest the servo beyond its limit moves the arm exactly as the torque limit does."""
     rng = np.random.default_rng(2)
-    q = rng.uniform(JOINT_LOWER + 0.5, JOINT_UPPER - 0.5, (EPISODES, 7))
+    q = rng.uniform(PANDA.joint_lower + 0.5, PANDA.joint_upper - 0.5, (EPISODES, 7))
     sign = rng.choice([-1.0, 1.0], q.shape)
     still, rest = np.zeros((EPISODES, STEPS, 7)), np.zeros_like(q)
     here = still + q[:, None]
     just, far = here + 0.1 * sign[:, None], here + 0.4 * sign[:, None]
-    pushed = still + (sign * TORQUE_LIMIT)[:, None]
+    pushed = still + (sign * PANDA.torque_limit)[:, None]
     first = [
         simulate(q, rest, targets, torques)[1][:, 0]
         for targets, torques in ((just, still), (far, still), (here, pushed))
@@ -145,24 +147,24 @@ def test_joints_stop_at_their_limits(simulate):
     """Thrown at a limit, or leaning on it with half the servo's torque, a joint stays near it."""
     rng = np.random.default_rng(3)
     upper = rng.random((EPISODES, 7)) < 0.5
-    limit = np.where(upper, JOINT_UPPER, JOINT_LOWER)
+    limit = np.where(upper, PANDA.joint_upper, PANDA.joint_lower)
     inward = np.where(upper, -1.0, 1.0)
     q = limit + 0.05 * inward
     targets = np.zeros((EPISODES, STEPS, 7)) + limit[:, None]
-    thrown, _ = simulate(q, -inward * VELOCITY_LIMIT, targets, np.zeros_like(targets))
+    thrown, _ = simulate(q, -inward * PANDA.velocity_limit, targets, np.zeros_like(targets))
     leaning, _ = simulate(
-        q, np.zeros_like(q), targets, targets * 0.0 - 0.5 * (inward * TORQUE_LIMIT)[:, None]
+        q, np.zeros_like(q), targets, targets * 0.0 - 0.5 * (inward * PANDA.torque_limit)[:, None]
     )
     assert np.abs(beyond(thrown)).max() < 0.08
     assert np.abs(beyond(thrown[:, -1])).max() < 1e-3
-    held = 0.5 * TORQUE_LIMIT / (STOP_STIFFNESS + KP)
+    held = 0.5 * PANDA.torque_limit / (STOP_STIFFNESS + KP)
     np.testing.assert_allclose(
         np.abs(beyond(leaning[:, -1])), np.tile(held, (EPISODES, 1)), rtol=0.05
     )
 
 
 def test_an_arm_at_rest_on_its_target_stays_there(simulate):
-    q = np.random.default_rng(4).uniform(JOINT_LOWER, JOINT_UPPER, (EPISODES, 7))
+    q = np.random.default_rng(4).uniform(PANDA.joint_lower, PANDA.joint_upper, (EPISODES, 7))
     q = q.astype(np.float32)
     still = np.zeros((EPISODES, STEPS, 7))
     position, velocity = simulate(q, np.zeros_like(q), still + q[:, None], still)

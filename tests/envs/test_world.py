@@ -12,7 +12,7 @@ from drpbench.contract import CONTROL_PERIOD, ROBOT_POINTS, SCENE_POINTS
 from drpbench.envs import TASKS, World
 from drpbench.geometry import signed_distance
 from drpbench.perception.surface_cloud import robot_points
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, moving_spheres
+from drpbench.robot import PANDA
 
 from ..scenes import batch, bodies, boxes, postures, problem
 
@@ -73,7 +73,7 @@ def start(worlds):
 def targets():
     """Targets that jump about, beyond the joint limits too."""
     rng = np.random.default_rng(1)
-    walk = rng.uniform(1.2 * JOINT_LOWER, 1.2 * JOINT_UPPER, (STEPS // 5, LANES, 7))
+    walk = rng.uniform(1.2 * PANDA.joint_lower, 1.2 * PANDA.joint_upper, (STEPS // 5, LANES, 7))
     return np.repeat(walk, 5, axis=0).astype(np.float32)
 
 
@@ -179,14 +179,16 @@ def test_one_world_alone_does_what_it_does_among_others(start, targets, run):
 
 def test_the_servos_follow_at_the_velocity_limits_within_the_joint_limits(start, targets, run):
     reference = np.concatenate([np.asarray(start.reference)[None], run[0].reference]).astype(float)
-    most = VELOCITY_LIMIT * CONTROL_PERIOD
+    most = PANDA.velocity_limit * CONTROL_PERIOD
     step = np.diff(reference, axis=0)
     assert (np.abs(step) <= most + 1e-6).all()
-    aim = np.clip(targets, JOINT_LOWER, JOINT_UPPER)
+    aim = np.clip(targets, PANDA.joint_lower, PANDA.joint_upper)
     before = aim - reference[:-1]
     np.testing.assert_allclose(step, np.clip(before, -most, most), atol=1e-6)
     assert (np.abs(step) > 0.99 * most).mean() > 0.5
-    assert (reference >= JOINT_LOWER - 1e-6).all() and (reference <= JOINT_UPPER + 1e-6).all()
+    assert (reference >= PANDA.joint_lower - 1e-6).all() and (
+        reference <= PANDA.joint_upper + 1e-6
+    ).all()
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -222,8 +224,8 @@ def test_clearance_is_to_the_nearest_obstacle_at_rest(worlds, start):
     states, events, _ = worlds[1](start, held, jnp.int32(0))
 
     def brute(state):
-        centers = moving_spheres().world(link_poses(state.joint_position))
-        gap = signed_distance(centers, WORLD.obstacles(state)) - moving_spheres().radius
+        centers = PANDA.moving_spheres.world(PANDA.link_poses(state.joint_position))
+        gap = signed_distance(centers, WORLD.obstacles(state)) - PANDA.moving_spheres.radius
         return jnp.min(gap), jnp.argmin(gap)
 
     clearance, sphere = jit(jax.vmap(brute))(jax.tree.map(lambda leaf: leaf[-1], states))
@@ -244,7 +246,9 @@ def test_what_is_seen_is_the_problem_and_the_arm(start, run):
     np.testing.assert_array_equal(seen.joint_velocity, states.joint_velocity)
     assert seen.scene_points.shape == (STEPS, LANES, SCENE_POINTS, 3)
     assert seen.robot_points.shape == (STEPS, LANES, ROBOT_POINTS, 3)
-    skin = jit(jax.vmap(lambda q: robot_points().world(link_poses(q))))(states.joint_position[-1])
+    skin = jit(jax.vmap(lambda q: robot_points().world(PANDA.link_poses(q))))(
+        states.joint_position[-1]
+    )
     np.testing.assert_allclose(seen.robot_points[-1], skin, atol=1e-6)
     assert seen.obstacles is None
 

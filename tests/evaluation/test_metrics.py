@@ -10,18 +10,18 @@ from drpbench.contract import CONTROL_PERIOD
 from drpbench.evaluation.metrics import rows, sparc
 from drpbench.geometry import FAR
 from drpbench.results import Row
-from drpbench.robot import HOME, JOINT_UPPER, LINKS, moving_spheres
+from drpbench.robot import PANDA
 from drpbench.rollout.batch import Trace
 
 STEPS = 100
-FINGER = int(np.argmax(moving_spheres().link == LINKS.index("left_finger")))
-FOREARM = int(np.argmax(moving_spheres().link == LINKS.index("link5")))
+FINGER = int(np.argmax(PANDA.moving_spheres.link == PANDA.link_names.index("left_finger")))
+FOREARM = int(np.argmax(PANDA.moving_spheres.link == PANDA.link_names.index("link5")))
 
 
 def trace(**changed):
     """One arm that never moves, at its goal, 10 cm from everything; changed as told, (T, ...) arrays."""
     still = {
-        "joint_position": np.tile(HOME, (STEPS, 1)),
+        "joint_position": np.tile(PANDA.home, (STEPS, 1)),
         "joint_velocity": np.zeros((STEPS, 7)),
         "grip_position": np.tile([0.5, 0.0, 0.4], (STEPS, 1)),
         "position_error": np.zeros(STEPS),
@@ -36,7 +36,7 @@ def trace(**changed):
         "mover_rotation": np.zeros((STEPS, 0, 3, 3)),
     }
     once = {
-        "start": HOME,
+        "start": PANDA.home,
         "start_grip": np.array([0.5, 0.0, 0.4]),
         "valid": np.bool_(True),
     }
@@ -139,7 +139,9 @@ def test_without_obstacles_there_is_no_clearance():
 
 
 def test_path_lengths_begin_at_the_start():
-    joints = HOME + np.linspace(0.01, 1.0, STEPS)[:, None] * np.array([3, 0, 4, 0, 0, 0, 0]) / 5.0
+    joints = (
+        PANDA.home + np.linspace(0.01, 1.0, STEPS)[:, None] * np.array([3, 0, 4, 0, 0, 0, 0]) / 5.0
+    )
     grip = np.array([0.5, 0.0, 0.4]) + np.linspace(0.002, 0.2, STEPS)[:, None] * np.array([0, 1, 0])
     found = row(joint_position=joints, grip_position=grip)
     assert found.joint_path_length == pytest.approx(1.0, rel=1e-5)
@@ -150,8 +152,8 @@ def test_path_lengths_begin_at_the_start():
 
 @pytest.mark.parametrize(("beyond", "violated"), [(5e-4, False), (2e-3, True)])
 def test_joint_limits_have_a_milliradian_of_tolerance(beyond, violated):
-    joints = np.tile(HOME, (STEPS, 1))
-    joints[40, 3] = JOINT_UPPER[3] + beyond
+    joints = np.tile(PANDA.home, (STEPS, 1))
+    joints[40, 3] = PANDA.joint_upper[3] + beyond
     assert row(joint_position=joints).joint_limit_violation is violated
 
 
@@ -162,7 +164,7 @@ def test_a_nan_is_a_failed_instance_with_its_reason():
         position_error=broken,
         orientation_error=broken,
         clearance=over_time(_0=0.1, _60=np.nan),
-        joint_position=np.tile(HOME, (STEPS, 1)) + broken[:, None],
+        joint_position=np.tile(PANDA.home, (STEPS, 1)) + broken[:, None],
         grip_position=np.tile([0.5, 0.0, 0.4], (STEPS, 1)) + broken[:, None],
     )
     assert found.status == "nan"

@@ -10,10 +10,9 @@ from drpbench.contract import CONTROL_PERIOD
 from drpbench.evaluation import referee
 from drpbench.evaluation.referee import Judgement, RefereeError, agreement, judge, judge_episode
 from drpbench.problems import ProblemSet, load
-from drpbench.robot import HOME, NO_MESHES, find_mesh_model
-from drpbench.robot.mesh_arm import mesh_arm
+from drpbench.robot import PANDA
 
-needs_meshes = pytest.mark.skipif(find_mesh_model() is None, reason=NO_MESHES)
+needs_meshes = pytest.mark.skipif(PANDA.meshes.find() is None, reason=PANDA.meshes.absent)
 SHA = "a" * 64
 
 
@@ -31,14 +30,14 @@ def problem_set(*boxes) -> ProblemSet:
         position=np.array([centre for _, centre in boxes], np.float32).reshape(1, n, 3),
         quaternion=identity,
         mask=np.ones((1, n), bool),
-        start=HOME[None].astype(np.float32),
-        goal=HOME[None].astype(np.float32),
+        start=PANDA.home[None].astype(np.float32),
+        goal=PANDA.home[None].astype(np.float32),
         goal_position=np.zeros((1, 3), np.float32),
         goal_quaternion=identity[:, 0] if n else np.float32([[1, 0, 0, 0]]),
         family=["box"],
         pair=["ff"],
         level=np.ones(1, np.int32),
-        witness=[HOME[None]],
+        witness=[PANDA.home[None]],
     )
 
 
@@ -57,7 +56,7 @@ def recording(joints, movers=0) -> dict[str, np.ndarray]:
 
 
 def still(steps: int) -> np.ndarray:
-    return np.tile(HOME, (steps + 1, 1))
+    return np.tile(PANDA.home, (steps + 1, 1))
 
 
 def swing(first: float, last: float, steps: int) -> np.ndarray:
@@ -69,8 +68,8 @@ def swing(first: float, last: float, steps: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def checker():
-    if find_mesh_model() is None:
-        pytest.skip(NO_MESHES)
+    if PANDA.meshes.find() is None:
+        pytest.skip(PANDA.meshes.absent)
     return referee.mesh_referee()
 
 
@@ -82,9 +81,9 @@ def row(make_row):
 @pytest.fixture(scope="module")
 def arm():
     """MuJoCo's arm alone: its model and data."""
-    if find_mesh_model() is None:
-        pytest.skip(NO_MESHES)
-    model = mesh_arm(find_mesh_model(), finger_pieces=1).compile()
+    if PANDA.meshes.find() is None:
+        pytest.skip(PANDA.meshes.absent)
+    model = PANDA.meshes.spec(PANDA.meshes.find(), finger_pieces=1).compile()
     return model, mujoco.MjData(model)
 
 
@@ -123,7 +122,7 @@ def test_a_wall_is_touched_at_the_right_step_by_the_right_link_and_as_deep(check
     joints = still(steps)
     joints[:, 1] += np.linspace(0.0, 0.3, steps + 1)
     joints[:, 5] += np.linspace(0.0, 0.9, steps + 1)
-    face = front(arm, HOME)[0] + 0.06
+    face = front(arm, PANDA.home)[0] + 0.06
     instants = np.stack([(joints[:-1] + joints[1:]) / 2, joints[1:]], axis=1).reshape(-1, 7)
     ahead = [front(arm, q) for q in instants]
     first = next(i for i, (x, _) in enumerate(ahead) if x > face)
@@ -139,7 +138,7 @@ def test_a_wall_is_touched_at_the_right_step_by_the_right_link_and_as_deep(check
 
 
 def test_the_clearance_of_a_near_miss_is_exact(checker, row, arm):
-    face = front(arm, HOME)[0] + 0.012
+    face = front(arm, PANDA.home)[0] + 0.012
     wall = problem_set(((2.0, 4.0, 4.0), (face + 1.0, 0.0, 0.0)))
     found = judge_episode(row, recording(still(2)), wall, checker)
     assert not found.collided
@@ -158,7 +157,7 @@ def test_the_middle_of_a_control_step_is_looked_at(checker, row):
 
 def test_a_box_is_where_it_was_recorded_at_that_step(checker, row, arm):
     # A box as wide as the world comes along x, 1 cm a step; only its front face can touch.
-    nose = front(arm, HOME)[0]
+    nose = front(arm, PANDA.home)[0]
     steps = 30
     episode = recording(still(steps), movers=1)
     episode["mover_active"][:] = True
@@ -182,7 +181,7 @@ def test_boxes_count_only_while_they_exist(checker, row):
 
 
 def test_a_box_may_change_size_and_turn_during_an_episode(checker, row, arm):
-    nose = front(arm, HOME)[0]
+    nose = front(arm, PANDA.home)[0]
     episode = recording(still(10), movers=1)
     episode["mover_active"][:] = True
     episode["mover_position"][:, 0] = [nose + 0.1, 0.0, 0.4]
@@ -209,7 +208,7 @@ def test_an_episode_is_judged_up_to_where_it_is_no_longer_a_number(checker, row)
     joints = still(4)
     joints[1:] = np.nan
     assert not judge_episode(row, recording(joints), wall, checker).collided
-    joints[1] = HOME
+    joints[1] = PANDA.home
     assert judge_episode(row, recording(joints), wall, checker).first_step == 0
 
 
@@ -239,7 +238,7 @@ def test_the_slots_see_what_a_model_made_for_the_scene_sees(checker, task):
             getattr(problems, field)[index][problems.mask[index]]
             for field in ("kind", "half_size", "position", "quaternion")
         ]
-        spec = mesh_arm(find_mesh_model())
+        spec = PANDA.meshes.spec(PANDA.meshes.find())
         arm_geoms = spec.compile().ngeom
         for kind, half, position, quaternion in zip(*scene, strict=True):
             size = [half[0], half[2], 0.0] if kind == 1 else half
@@ -303,7 +302,7 @@ def test_says_where_meshes_are_looked_for_when_there_are_none(make_result, monke
     result = make_result(verdicts={"FDO": "x"}, problem_set_sha256=SHA)
     with pytest.raises(RefereeError) as error:
         judge(result, {"FDO-0": recording(still(1))}, {"FDO": problem_set()})
-    assert str(error.value) == NO_MESHES
+    assert str(error.value) == PANDA.meshes.absent
 
 
 def test_disagreements_are_counted_by_what_explains_them(make_row):

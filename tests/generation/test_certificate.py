@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from drpbench.generation.certificate import CLEARANCE, RESOLUTION, certify
-from drpbench.robot import HOME, JOINT_UPPER
+from drpbench.robot import PANDA
 
-LEFT, RIGHT = HOME + [0.8, 0, 0, 0, 0, 0, 0], HOME - [0.8, 0, 0, 0, 0, 0, 0]
+LEFT, RIGHT = PANDA.home + [0.8, 0, 0, 0, 0, 0, 0], PANDA.home - [0.8, 0, 0, 0, 0, 0, 0]
 LINE = np.stack([LEFT, RIGHT])
 WALL = (0, (0.2, 0.01, 0.35), (0.55, 0.0, 0.35))
 SLAT = (0, (0.2, 0.001, 0.35), (0.55, 0.0, 0.35))  # 2 mm thin: nothing falls between two samples
@@ -58,7 +58,7 @@ def test_malformed_witnesses_are_named(spheres, obstacles):
         "does not lead": LINE[::-1],
         "no finite array": np.full((2, 7), np.nan),
         "7-joint": np.zeros((2, 6)),
-        "joint limit": np.stack([LEFT, JOINT_UPPER + 0.01, RIGHT]),
+        "joint limit": np.stack([LEFT, PANDA.joint_upper + 0.01, RIGHT]),
     }
     for words, witness in cases.items():
         assert words in certify(witness, LEFT, RIGHT, spheres, None).fault

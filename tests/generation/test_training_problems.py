@@ -13,7 +13,7 @@ from drpbench.generation.training_problems import (
 from drpbench.planning.checker import sphere_checker
 from drpbench.planning.motion import samples
 from drpbench.problems import TASKS, load
-from drpbench.robot import VELOCITY_LIMIT
+from drpbench.robot import PANDA
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +83,6 @@ def test_the_benchmarks_own_stream_is_refused():
 
 def test_even_steps_take_even_times():
     path = np.array([np.zeros(7), np.full(7, 1.0), np.full(7, 1.1)])
-    steps = (np.abs(np.diff(evenly(path, 33), axis=0)) / VELOCITY_LIMIT).max(axis=1)
+    steps = (np.abs(np.diff(evenly(path, 33), axis=0)) / PANDA.velocity_limit).max(axis=1)
     assert np.allclose(steps, steps[0], rtol=1e-6)
     assert np.allclose(evenly(path[:1], 5), 0.0)

@@ -8,7 +8,7 @@ from drpbench.envs import TASKS
 from drpbench.geometry import signed_distance
 from drpbench.gym.served import Frozen, Training
 from drpbench.problems import load
-from drpbench.robot import grip_pose, link_poses, moving_spheres
+from drpbench.robot import PANDA
 from drpbench.rollout.batch import instance_key
 
 # Numbers 1 and 10 have a box on their goal, so that 2 and 11 stand for them; 25 is on the bare table.
@@ -23,8 +23,8 @@ def training():
 @jax.jit
 @jax.vmap
 def clearances(joints, obstacles):
-    spheres = moving_spheres()
-    centers = spheres.world(link_poses(joints))
+    spheres = PANDA.moving_spheres
+    centers = spheres.world(PANDA.link_poses(joints))
     return (signed_distance(centers, obstacles) - spheres.radius).min()
 
 
@@ -39,7 +39,7 @@ def test_the_goal_pose_is_the_goals(training):
     from scipy.spatial.transform import Rotation
 
     problem = training["FDO"]
-    position, rotation = jax.vmap(lambda q: grip_pose(link_poses(q)))(problem.goal)
+    position, rotation = jax.vmap(lambda q: PANDA.grip_pose(PANDA.link_poses(q)))(problem.goal)
     np.testing.assert_allclose(problem.goal_position, position, atol=1e-6)
     given = Rotation.from_quat(problem.goal_quaternion, scalar_first=True).as_matrix()
     np.testing.assert_allclose(given, rotation, atol=1e-5)

@@ -13,7 +13,7 @@ from drpbench.plugins.registry import choose
 from drpbench.problems import load as load_problems
 from drpbench.results import load
 from drpbench.results.shipped import shipped_results
-from drpbench.robot import HOME
+from drpbench.robot import PANDA
 
 from .snippets import snippet
 
@@ -132,7 +132,7 @@ def test_a_numbered_problem_is_the_same_in_any_lane_whatever_the_seed(envs):
 
 def test_a_target_that_is_no_number_fails_its_lane_alone(envs):
     observation, _ = envs.reset(options={"id": [0, 1, 2, 3]})
-    targets = np.tile(HOME, (LANES, 1))
+    targets = np.tile(PANDA.home, (LANES, 1))
     targets[1, 4] = np.nan
     envs.step(targets)
     *_, info = envs.step(observation["goal_joints"])
@@ -178,7 +178,7 @@ def test_the_same_seed_and_actions_give_the_same_steps_in_fresh_arrays(envs):
 
 
 def test_infos_say_which_lanes_have_them(envs):
-    *_, info = envs.step(np.tile(HOME, (LANES, 1)))
+    *_, info = envs.step(np.tile(PANDA.home, (LANES, 1)))
     names = {name for name in info if not name.startswith("_")}
     assert {"id", "clearance", "reached", "collided", "valid"} <= names
     assert {name for name in info if name.startswith("_")} == {f"_{name}" for name in names}
@@ -223,7 +223,7 @@ def test_wrong_arguments_are_named(arguments, told):
 
 def test_wrong_actions_are_named(envs):
     with pytest.raises(ValueError, match=r"shape \(7,\), not \(4, 7\)"):
-        envs.step(HOME)
+        envs.step(PANDA.home)
 
 
 def test_the_snippet_of_the_documentation_runs(capsys):

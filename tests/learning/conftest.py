@@ -7,7 +7,7 @@ import pytest
 from jax.experimental.compilation_cache import compilation_cache
 
 from drpbench.learning.demonstrations import Demonstrations
-from drpbench.robot import VELOCITY_LIMIT
+from drpbench.robot import PANDA
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -29,7 +29,7 @@ def demonstrations(drawn):
     def stack(name):
         return np.stack([getattr(one, name) for one in free])
 
-    steps = np.abs(np.diff(stack("hint"), axis=1)) / VELOCITY_LIMIT
+    steps = np.abs(np.diff(stack("hint"), axis=1)) / PANDA.velocity_limit
     scene = {name: stack(name) for name in ("kind", "half_size", "position", "quaternion", "mask")}
     arrays = Demonstrations(
         index=stack("index"),

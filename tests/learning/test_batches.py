@@ -9,7 +9,7 @@ from drpbench.contract import CONTROL_PERIOD
 from drpbench.geometry import signed_distance
 from drpbench.learning import batches
 from drpbench.policies.networks.chunks import CHUNK, SPEED, decode
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, surface_points
+from drpbench.robot import PANDA
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +48,9 @@ def test_points_lie_on_obstacles_above_the_table(batch, demonstrations):
 
 
 def test_robot_points_are_those_of_the_joints_shown(batch):
-    surface = surface_points()
+    surface = PANDA.surface
     for b in range(4):
-        everywhere = surface.world(link_poses(batch.joints[b]))
+        everywhere = surface.world(PANDA.link_poses(batch.joints[b]))
         gaps = jnp.linalg.norm(batch.robot_points[b][:, None] - everywhere[None], axis=-1)
         assert float(gaps.min(axis=1).max()) < 1e-5
 
@@ -63,7 +63,10 @@ def test_chunks_lead_at_no_more_than_the_stated_speed_along_the_path(demonstrati
         left = length * (1 - share)
         times = CONTROL_PERIOD * jnp.arange(CHUNK + 1)
         ahead = batches.along(path, 1 - batches.way_left(jnp.full(CHUNK + 1, left), times) / length)
-        speed = jnp.max(jnp.abs(jnp.diff(ahead, axis=0)) / VELOCITY_LIMIT, axis=1) / CONTROL_PERIOD
+        speed = (
+            jnp.max(jnp.abs(jnp.diff(ahead, axis=0)) / PANDA.velocity_limit, axis=1)
+            / CONTROL_PERIOD
+        )
         rows.append(np.asarray(speed))
     assert np.allclose(rows[0], SPEED, rtol=0.02)  # full speed
     assert np.all(np.diff(rows[2]) <= 1e-3)  # slowing down
@@ -72,9 +75,12 @@ def test_chunks_lead_at_no_more_than_the_stated_speed_along_the_path(demonstrati
 
 def test_targets_stay_near_the_arm_and_within_its_limits(batch):
     waypoints = decode(batch.chunk, batch.joints, batch.goal)
-    moved = jnp.abs(waypoints - batch.joints[:, None]) / VELOCITY_LIMIT
+    moved = jnp.abs(waypoints - batch.joints[:, None]) / PANDA.velocity_limit
     assert float(moved.max()) < 0.3  # [s at the velocity limits], a way back from beside the path
-    assert bool(jnp.all(waypoints > JOINT_LOWER - 1e-3) & jnp.all(waypoints < JOINT_UPPER + 1e-3))
+    assert bool(
+        jnp.all(waypoints > PANDA.joint_lower - 1e-3)
+        & jnp.all(waypoints < PANDA.joint_upper + 1e-3)
+    )
     assert bool(jnp.isfinite(batch.chunk).all())
 
 

@@ -19,7 +19,7 @@ from drpbench.perception.surface_cloud import (
     scene_cloud,
     shares,
 )
-from drpbench.robot import LINKS
+from drpbench.robot import PANDA
 
 MOVERS = 3
 
@@ -202,4 +202,4 @@ def test_the_arm_shows_256_points_of_every_moving_link():
     points = robot_points()
     assert points.count == ROBOT_POINTS
     assert len(np.unique(points.local, axis=0)) == ROBOT_POINTS
-    assert {LINKS[i] for i in points.link} == set(LINKS[1:])
+    assert {PANDA.link_names[i] for i in points.link} == set(PANDA.link_names[1:])

@@ -8,15 +8,15 @@ import pytest
 
 from drpbench.generation.families import FAMILIES
 from drpbench.geometry import BOX, CYLINDER, SPHERE
-from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER, LINKS, PANDA_XML
+from drpbench.robot import PANDA
 
 
 def compiled_alone(scene, margin):
     """A model of the spheres and this one scene, with nothing written in afterwards."""
-    spec = mujoco.MjSpec.from_file(str(PANDA_XML))
+    spec = mujoco.MjSpec.from_file(str(PANDA.model))
     spec.option.disableflags = 0
-    for link, spheres in json.loads((PANDA_XML.parent / "spheres.json").read_text()).items():
-        assert link in LINKS
+    for link, spheres in json.loads((PANDA.folder / "spheres.json").read_text()).items():
+        assert link in PANDA.link_names
         for x, y, z, radius in spheres:
             geom = spec.body(link).add_geom()
             geom.type, geom.size, geom.pos = mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0], [x, y, z]
@@ -39,7 +39,9 @@ def compiled_alone(scene, margin):
 
 def near_home(count, seed):
     rng = np.random.default_rng(seed)
-    return np.clip(HOME + rng.normal(0, 0.6, (count, 7)), JOINT_LOWER, JOINT_UPPER)
+    return np.clip(
+        PANDA.home + rng.normal(0, 0.6, (count, 7)), PANDA.joint_lower, PANDA.joint_upper
+    )
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -60,20 +62,20 @@ def test_a_scene_written_in_place_is_as_one_compiled_for_it(family, spheres):
 
 def test_the_last_scene_leaves_nothing_behind(spheres, obstacles):
     spheres.set_obstacles(*obstacles((BOX, (0.5, 0.5, 0.5), (0.5, 0.0, 0.5))))
-    assert not spheres.free(HOME)
+    assert not spheres.free(PANDA.home)
     spheres.set_obstacles(*obstacles())
-    assert spheres.clearance(HOME) == spheres.margin
+    assert spheres.clearance(PANDA.home) == spheres.margin
 
 
 def test_distance_to_a_slab_below_the_fingers_is_told(spheres, meshes, obstacles):
     for checker in (spheres, meshes):
         checker.set_obstacles(*obstacles())
-        grip, _ = checker.grip_pose(HOME)
+        grip, _ = checker.grip_pose(PANDA.home)
         slab = (BOX, (0.1, 0.1, 0.01), grip - (0, 0, 0.03 + 0.01))
         checker.set_obstacles(*obstacles(slab))
         # The fingertips reach 0.0124 m beyond the grip frame, so 0.0176 m remain.
-        assert checker.clearance(HOME) == pytest.approx(0.0176, abs=0.004)
-        assert checker.contacts(HOME)[0][:2] in {
+        assert checker.clearance(PANDA.home) == pytest.approx(0.0176, abs=0.004)
+        assert checker.contacts(PANDA.home)[0][:2] in {
             ("left_finger", "obstacle 1"),
             ("obstacle 1", "right_finger"),
         }

@@ -15,11 +15,11 @@ from drpbench.planning.checker import sphere_checker
 from drpbench.planning.expert import CHEAP, LIMIT_MARGIN, Settings, planner
 from drpbench.planning.path_check import CLEARANCE, check_path
 from drpbench.planning.stopping import STOP_CLEARANCE
-from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT
+from drpbench.robot import PANDA
 
 from ..scenes import boxes, postures
 
-LEFT, RIGHT = (HOME + [side, 0, 0, 0, 0, 0, 0] for side in (1.3, -1.3))
+LEFT, RIGHT = (PANDA.home + [side, 0, 0, 0, 0, 0, 0] for side in (1.3, -1.3))
 LEFT, RIGHT = LEFT.astype(np.float32), RIGHT.astype(np.float32)
 TABLE = ((0.4, 0.0, -0.025), (0.9, 1.0, 0.025))
 WALL = ((0.4, 0.0, 0.3), (0.25, 0.01, 0.3))  # the arm can go over it
@@ -118,7 +118,7 @@ def test_plans_end_at_the_goal_or_as_near_to_it_as_there_is_room(real, spheres):
 
 def test_waypoints_are_evenly_spaced_and_the_length_is_theirs(real):
     _, plans, _ = real
-    steps = (np.abs(np.diff(plans.path, axis=1)) / VELOCITY_LIMIT).max(axis=2)
+    steps = (np.abs(np.diff(plans.path, axis=1)) / PANDA.velocity_limit).max(axis=2)
     np.testing.assert_allclose(steps.sum(axis=1), plans.length, rtol=4e-3)
     # Resampling a curve cuts its bends by little.
     assert np.all(np.ptp(steps, axis=1) < 0.15 * steps.mean(axis=1))
@@ -127,8 +127,8 @@ def test_waypoints_are_evenly_spaced_and_the_length_is_theirs(real):
 def test_paths_keep_their_margin_from_joint_limits(real):
     drawn, plans, _ = real
     for one, path in zip(drawn, plans.path, strict=True):
-        lower = np.minimum(JOINT_LOWER + LIMIT_MARGIN, np.minimum(one.start, one.goal))
-        upper = np.maximum(JOINT_UPPER - LIMIT_MARGIN, np.maximum(one.start, one.goal))
+        lower = np.minimum(PANDA.joint_lower + LIMIT_MARGIN, np.minimum(one.start, one.goal))
+        upper = np.maximum(PANDA.joint_upper - LIMIT_MARGIN, np.maximum(one.start, one.goal))
         assert np.all(path >= lower - 1e-5) and np.all(path <= upper + 1e-5)
 
 
@@ -149,7 +149,8 @@ def plan_all():
 
 def test_the_straight_line_comes_out_where_it_is_free(plan_all):
     for plan in plan_all(
-        (boxes(TABLE, width=WIDTH), LEFT, RIGHT), (boxes(width=WIDTH), RIGHT, HOME.astype("f"))
+        (boxes(TABLE, width=WIDTH), LEFT, RIGHT),
+        (boxes(width=WIDTH), RIGHT, PANDA.home.astype("f")),
     ):
         line = plan.path[0] + np.linspace(0, 1, 64)[:, None] * (plan.path[-1] - plan.path[0])
         assert plan.reached and not plan.obstructed
@@ -201,8 +202,8 @@ def test_the_check_sees_the_arm_in_itself_and_limits_and_thin_walls(spheres):
     check = jit(jax.vmap(check_path, (0, None)))
     folded = np.array([0.0, -1.0, 0.0, -3.0, 0.0, 0.5, 0.0], np.float32)
     beyond = LEFT.copy()
-    beyond[0] = JOINT_UPPER[0] + 0.02
-    ends = [(LEFT, RIGHT), (LEFT, folded), (LEFT, beyond), (LEFT, HOME.astype("f"))]
+    beyond[0] = PANDA.joint_upper[0] + 0.02
+    ends = [(LEFT, RIGHT), (LEFT, folded), (LEFT, beyond), (LEFT, PANDA.home.astype("f"))]
     paths = np.stack([a + np.linspace(0, 1, 8, dtype="f")[:, None] * (b - a) for a, b in ends])
     slat = ((0.35, -0.2, 0.35), (0.25, 0.001, 0.35))
     for obstacles, expected in (

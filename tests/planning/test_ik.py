@@ -13,7 +13,7 @@ from drpbench.planning import ik
 from drpbench.planning.checker import sphere_checker
 from drpbench.planning.path_check import CLEARANCE
 from drpbench.planning.pose_goals import nearest_goal
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, PANDA_XML
+from drpbench.robot import PANDA
 
 from ..scenes import postures
 
@@ -23,7 +23,7 @@ SCENE = ("kind", "half_size", "position", "quaternion")
 
 def mujoco_poses(q):
     """Grip positions (n, 3) and rotation matrices (n, 3, 3) of configurations (n, 7)."""
-    model = mujoco.MjModel.from_xml_path(str(PANDA_XML))
+    model = mujoco.MjModel.from_xml_path(str(PANDA.model))
     data = mujoco.MjData(model)
     grip = model.site("grip").id
     poses = []
@@ -54,7 +54,7 @@ def solve():
 def reachable():
     margin = ik.LIMIT_MARGIN + 0.05
     q = postures(64, seed=1)
-    return mujoco_poses(np.clip(q, JOINT_LOWER + margin, JOINT_UPPER - margin))
+    return mujoco_poses(np.clip(q, PANDA.joint_lower + margin, PANDA.joint_upper - margin))
 
 
 def test_what_converged_puts_the_grip_where_mujoco_agrees_it_should_be(solve, reachable):
@@ -70,8 +70,8 @@ def test_what_converged_puts_the_grip_where_mujoco_agrees_it_should_be(solve, re
 
 def test_every_answer_keeps_its_margin_from_the_limits(solve, reachable):
     q = np.asarray(solve(*reachable).q)
-    assert np.all(q >= JOINT_LOWER + ik.LIMIT_MARGIN - 1e-5)
-    assert np.all(q <= JOINT_UPPER - ik.LIMIT_MARGIN + 1e-5)
+    assert np.all(q >= PANDA.joint_lower + ik.LIMIT_MARGIN - 1e-5)
+    assert np.all(q <= PANDA.joint_upper - ik.LIMIT_MARGIN + 1e-5)
 
 
 def test_errors_are_told_as_they_are_where_nothing_converged(solve, reachable):

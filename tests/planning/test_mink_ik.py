@@ -5,7 +5,7 @@ import pytest
 
 from drpbench.geometry import host_rotation as rotation
 from drpbench.planning.mink_ik import LIMIT_MARGIN, InverseKinematics
-from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER
+from drpbench.robot import PANDA
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +17,7 @@ def test_solutions_reach_the_pose_within_limits_and_clear(solver, spheres, obsta
     spheres.set_obstacles(*obstacles())
     rng, solved = np.random.default_rng(0), 0
     for _ in range(30):
-        position, matrix = spheres.grip_pose(HOME + rng.normal(0, 0.2, 7))
+        position, matrix = spheres.grip_pose(PANDA.home + rng.normal(0, 0.2, 7))
         quaternion = rotation.from_matrix(matrix)
         q = solver.solve(rng, position, quaternion, spheres, 0.02, seeds=6)
         if q is None:
@@ -26,15 +26,15 @@ def test_solutions_reach_the_pose_within_limits_and_clear(solver, spheres, obsta
         there, turned = spheres.grip_pose(q)
         assert np.linalg.norm(there - position) < 1.5e-3
         assert np.arccos(np.clip((np.trace(matrix.T @ turned) - 1) / 2, -1, 1)) < 3e-3
-        assert np.all(q > JOINT_LOWER + LIMIT_MARGIN - 1e-6)
-        assert np.all(q < JOINT_UPPER - LIMIT_MARGIN + 1e-6)
+        assert np.all(q > PANDA.joint_lower + LIMIT_MARGIN - 1e-6)
+        assert np.all(q < PANDA.joint_upper - LIMIT_MARGIN + 1e-6)
         assert spheres.clearance(q) > 0.02
     assert solved >= 27
 
 
 def test_a_pose_out_of_reach_or_in_an_obstacle_has_none(solver, spheres, obstacles):
     spheres.set_obstacles(*obstacles())
-    rng, (position, matrix) = np.random.default_rng(0), spheres.grip_pose(HOME)
+    rng, (position, matrix) = np.random.default_rng(0), spheres.grip_pose(PANDA.home)
     quaternion = rotation.from_matrix(matrix)
     assert solver.solve(rng, position + (1.0, 0, 0), quaternion, spheres, 0.0) is None
     spheres.set_obstacles(*obstacles((2, (0.05,) * 3, position)))

@@ -4,7 +4,7 @@ import numpy as np
 
 from drpbench.generation.certificate import RESOLUTION
 from drpbench.planning import motion
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER
+from drpbench.robot import PANDA
 
 
 def surface(checker, q):
@@ -28,7 +28,7 @@ def test_no_point_of_the_arm_moves_farther_than_the_bound(spheres):
     rng = np.random.default_rng(0)
     largest = np.zeros(7)
     for _ in range(300):
-        a = rng.uniform(JOINT_LOWER, JOINT_UPPER)
+        a = rng.uniform(PANDA.joint_lower, PANDA.joint_upper)
         for joint in range(7):
             b = a.copy()
             b[joint] += 1e-3
@@ -38,12 +38,12 @@ def test_no_point_of_the_arm_moves_farther_than_the_bound(spheres):
         b = a + rng.normal(0, 0.2, 7)
         moved = np.linalg.norm(surface(spheres, b) - surface(spheres, a), axis=1).max()
         assert moved <= motion.bound(a, b)
-    assert np.all(largest > 0.6 * motion.LEVER), "the bound is not idle"
+    assert np.all(largest > 0.6 * PANDA.lever), "the bound is not idle"
 
 
 def test_samples_are_close_and_hit_every_waypoint():
     rng = np.random.default_rng(1)
-    waypoints = rng.uniform(JOINT_LOWER, JOINT_UPPER, (4, 7))
+    waypoints = rng.uniform(PANDA.joint_lower, PANDA.joint_upper, (4, 7))
     path = motion.samples(waypoints, RESOLUTION)
     steps = [motion.bound(a, b) for a, b in zip(path[:-1], path[1:], strict=True)]
     assert max(steps) <= RESOLUTION + 1e-12

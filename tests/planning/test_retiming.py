@@ -10,15 +10,15 @@ from hypothesis.extra.numpy import arrays
 from scipy.interpolate import CubicSpline
 
 from drpbench.compile import jit
-from drpbench.planning.retiming import ACCELERATION_LIMIT, JERK_LIMIT, retime, uniform
+from drpbench.planning.retiming import retime, uniform
 from drpbench.planning.spline import natural_slopes
-from drpbench.robot import HOME, VELOCITY_LIMIT
+from drpbench.robot import PANDA
 
 COUNT = 256
 
 
 def length(path):
-    return (np.abs(np.diff(path, axis=0)) / VELOCITY_LIMIT).max(axis=1).sum()
+    return (np.abs(np.diff(path, axis=0)) / PANDA.velocity_limit).max(axis=1).sum()
 
 
 def walk(seed, waypoints=64, stretch=1.0):
@@ -27,7 +27,9 @@ def walk(seed, waypoints=64, stretch=1.0):
     s = np.linspace(0.0, 1.0, waypoints)[:, None, None]
     harmonics = np.arange(1, 4)[:, None]
     sizes = rng.normal(0, 0.5, (3, 7)) / harmonics
-    path = HOME + stretch * (np.sin(np.pi * s * harmonics) * sizes + s * rng.normal(0, 1, 7)).sum(1)
+    path = PANDA.home + stretch * (
+        np.sin(np.pi * s * harmonics) * sizes + s * rng.normal(0, 1, 7)
+    ).sum(1)
     return path.astype(np.float32)
 
 
@@ -55,7 +57,7 @@ def test_uniform_steps_are_even_and_stay_on_the_line(path, still):
         ]
     )
     along = np.concatenate(
-        [[0.0], np.cumsum((np.abs(np.diff(dense, axis=0)) / VELOCITY_LIMIT).max(axis=1))]
+        [[0.0], np.cumsum((np.abs(np.diff(dense, axis=0)) / PANDA.velocity_limit).max(axis=1))]
     )
     wanted = np.linspace(0.0, 1.0, 33) * along[-1]
     for joint in range(7):
@@ -65,7 +67,7 @@ def test_uniform_steps_are_even_and_stay_on_the_line(path, still):
 
 
 def test_uniform_of_a_path_without_length_stands_still():
-    still = np.tile(HOME.astype(np.float32), (5, 1))
+    still = np.tile(PANDA.home.astype(np.float32), (5, 1))
     points, whole = _uniform(jnp.asarray(still), 16)
     assert whole == 0.0
     np.testing.assert_array_equal(points, np.tile(still[0], (16, 1)))
@@ -90,7 +92,11 @@ def test_trajectories_keep_velocity_acceleration_and_jerk_limits():
         )
         shares = [
             (np.abs(np.diff(q, n=order, axis=0)) / step**order / limit).max()
-            for order, limit in ((1, VELOCITY_LIMIT), (2, ACCELERATION_LIMIT), (3, JERK_LIMIT))
+            for order, limit in (
+                (1, PANDA.velocity_limit),
+                (2, PANDA.acceleration_limit),
+                (3, PANDA.jerk_limit),
+            )
         ]
         assert max(shares) <= 1.0
         # And no slower than need be: something is at its limit.
@@ -99,10 +105,10 @@ def test_trajectories_keep_velocity_acceleration_and_jerk_limits():
 
 
 def test_a_long_straight_motion_takes_little_more_than_its_cruise():
-    path = HOME + np.linspace(0.0, 1.0, 64)[:, None] * [2.0, 0, 0, 0, 0, 0, 0]
+    path = PANDA.home + np.linspace(0.0, 1.0, 64)[:, None] * [2.0, 0, 0, 0, 0, 0, 0]
     duration = float(_retime(jnp.asarray(path, jnp.float32)[None]).duration[0])
     # Bang-bang: cruise time, and half of each ramp's time lost.
-    best = 2.0 / VELOCITY_LIMIT[0] + VELOCITY_LIMIT[0] / ACCELERATION_LIMIT[0]
+    best = 2.0 / PANDA.velocity_limit[0] + PANDA.velocity_limit[0] / PANDA.acceleration_limit[0]
     assert best < duration < 1.1 * best
 
 
@@ -117,5 +123,5 @@ def test_samples_lie_on_the_path_in_its_order():
 
 
 def test_a_path_without_length_takes_no_time_worth_mention():
-    found = _retime(jnp.tile(jnp.asarray(HOME, jnp.float32), (1, 64, 1)))
+    found = _retime(jnp.tile(jnp.asarray(PANDA.home, jnp.float32), (1, 64, 1)))
     assert np.all(np.isfinite(found.q)) and 0.0 <= float(found.duration[0]) < 0.1

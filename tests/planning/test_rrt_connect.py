@@ -4,9 +4,9 @@ import numpy as np
 
 from drpbench.planning import motion
 from drpbench.planning.rrt_connect import Planner
-from drpbench.robot import HOME
+from drpbench.robot import PANDA
 
-LEFT, RIGHT = HOME + [0.8, 0, 0, 0, 0, 0, 0], HOME - [0.8, 0, 0, 0, 0, 0, 0]
+LEFT, RIGHT = PANDA.home + [0.8, 0, 0, 0, 0, 0, 0], PANDA.home - [0.8, 0, 0, 0, 0, 0, 0]
 WALL = (0, (0.2, 0.01, 0.35), (0.55, 0.0, 0.35))
 # A wall to either side of the base, with a slit too narrow for the elbow to turn in.
 SIDES = ((0, (0.01, 0.5, 0.8), (0.0, 0.65, 0.8)), (0, (0.01, 0.5, 0.8), (0.0, -0.65, 0.8)))

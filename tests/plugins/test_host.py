@@ -21,7 +21,7 @@ from drpbench.plugins.host import Failed, Hosted, HostObservation, answered
 from drpbench.plugins.registry import choose
 from drpbench.policies import DcpRmp, Straight
 from drpbench.problems import load
-from drpbench.robot import VELOCITY_LIMIT
+from drpbench.robot import PANDA
 from drpbench.rollout import Rollout
 from drpbench.rollout.batch import take
 from drpbench.rollout.host import HostRollout
@@ -44,7 +44,7 @@ class Blind:
     def act(self, observation):
         self.seen.append(observation)
         away = observation.goal_joints - observation.joint_position
-        needed = np.max(np.abs(away) / VELOCITY_LIMIT, axis=1, keepdims=True)
+        needed = np.max(np.abs(away) / PANDA.velocity_limit, axis=1, keepdims=True)
         share = np.minimum(1.0, 0.5 * 0.05 / np.maximum(needed, 1e-9))
         return observation.joint_position + share * away
 

@@ -12,7 +12,7 @@ from drpbench.compile import jit
 from drpbench.contract import Policy
 from drpbench.policies import DcpRmp, Hold, Straight
 from drpbench.policies.dcp_rmp import Constants, integrate
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT, link_poses, moving_spheres
+from drpbench.robot import PANDA
 
 from ..scenes import bodies, observation, postures
 
@@ -50,7 +50,7 @@ def by_the_paper(c, q, qd, q_goal, x_p, jacobian, x_obs, v_obs):
 
 def jacobians(q):
     """d centre / d q (B, S, 3, 7) of the collision spheres, by automatic differentiation."""
-    centers = jax.jacfwd(lambda q: moving_spheres().world(link_poses(q)))
+    centers = jax.jacfwd(lambda q: PANDA.moving_spheres.world(PANDA.link_poses(q)))
     return np.asarray(jit(jax.vmap(centers))(q), float)
 
 
@@ -74,12 +74,12 @@ def near_misses(seed):
     """Random arms in motion, goals, and points 0.1 to 25 cm from a sphere, moving."""
     rng = np.random.default_rng(seed)
     q, goal = np.split(postures(2 * STATES, seed), 2)
-    qd = rng.uniform(-0.5, 0.5, q.shape) * VELOCITY_LIMIT
+    qd = rng.uniform(-0.5, 0.5, q.shape) * PANDA.velocity_limit
     centers = bodies(q)[0].astype(float)
-    which = rng.integers(moving_spheres().count, size=STATES)
+    which = rng.integers(PANDA.moving_spheres.count, size=STATES)
     outward = rng.normal(size=(STATES, 3))
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    x_p = centers[np.arange(STATES), which] + outward * moving_spheres().radius[which, None]
+    x_p = centers[np.arange(STATES), which] + outward * PANDA.moving_spheres.radius[which, None]
     gap = np.exp(rng.uniform(np.log(1e-3), np.log(0.25), (STATES, 1)))
     v_obs = rng.uniform(-0.2, 0.2, (STATES, 3))
     jacobian = jacobians(q)[np.arange(STATES), which]  # of the centre: as good as any for a formula
@@ -132,7 +132,7 @@ def fixed_to(link, local):
     """A point fixed in frame `link` (0 to 8), as a function of the configuration."""
 
     def point(q):
-        poses = link_poses(q)
+        poses = PANDA.link_poses(q)
         return poses.position[link] + poses.rotation[link] @ local
 
     return point
@@ -143,7 +143,7 @@ def body_point():
     """Jacobian (3, 7) at q of the arm's point that is at `point` now, on frame `link`."""
 
     def local(q, link, point):
-        poses = link_poses(q)
+        poses = PANDA.link_poses(q)
         return poses.rotation[link].T @ (point - poses.position[link])
 
     def jacobian(q, link, point):
@@ -164,7 +164,7 @@ def by_brute_force(policy, before, now, body_point):
     q, goal = np.asarray(now.joint_position), np.asarray(now.goal_joints)
     if not moving.any():
         return goal, np.inf
-    model, centers = moving_spheres(), bodies(q)[0][0].astype(float)
+    model, centers = PANDA.moving_spheres, bodies(q)[0][0].astype(float)
     away = np.linalg.norm(new[:, None] - centers, axis=-1) - model.radius
     first = np.where(moving, away.min(axis=1), np.inf).argmin()
     x_obs, sphere = new[first], away[first].argmin()
@@ -178,14 +178,14 @@ def by_brute_force(policy, before, now, body_point):
     jacobian = body_point(q, model.frame[sphere], x_p)
     qd = np.asarray(now.joint_velocity, float)
     found = by_the_paper(policy.constants, q, qd, goal, x_p, jacobian, x_obs, v_obs)
-    return np.clip(found, JOINT_LOWER, JOINT_UPPER), x_r
+    return np.clip(found, PANDA.joint_lower, PANDA.joint_upper), x_r
 
 
 def frames(seed, step=0.002, distance=(0.0, 0.15)):
     """Two frames of 150 points about an arm in motion: a third of them, 2 cm apart, move together."""
     rng = np.random.default_rng(seed)
     q, goal = postures(2, seed)
-    centers, radius = bodies(q)[0][0], moving_spheres().radius
+    centers, radius = bodies(q)[0][0], PANDA.moving_spheres.radius
     scattered = rng.uniform([-0.6, -0.6, 0.0], [0.6, 0.6, 1.0], (100, 3))
     sphere = rng.integers(len(radius))
     outward = rng.normal(size=3)
@@ -215,7 +215,7 @@ def test_the_goal_gives_way_as_a_brute_force_search_finds(goal_of, body_point):
 def test_an_obstacle_that_comes_at_a_resting_arm_pushes_the_goal_away(goal_of, body_point):
     """The goal moves so that the arm's closest point draws back from the obstacle."""
     q = np.asarray(postures(20, seed=3))
-    centers, model = bodies(q)[0], moving_spheres()
+    centers, model = bodies(q)[0], PANDA.moving_spheres
     drawn_back = []
     for b in range(20):
         sphere = np.nonzero(model.frame >= 5)[0][b]
@@ -303,7 +303,7 @@ def test_an_obstacle_inside_the_arm_gives_a_finite_goal_within_the_limits(goal_o
         before, now = (observation(q, points=[inside + k]) for k in (np.float32(0.002), 0.0))
         goal = np.asarray(goal_of(DcpRmp(Hold()), before, now))
         assert np.isfinite(goal).all()
-        assert (goal >= JOINT_LOWER - 1e-6).all() and (goal <= JOINT_UPPER + 1e-6).all()
+        assert (goal >= PANDA.joint_lower - 1e-6).all() and (goal <= PANDA.joint_upper + 1e-6).all()
 
 
 def test_privileged_is_what_the_wrapped_policy_is():

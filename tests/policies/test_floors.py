@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.policies import SERVO_LAG, Hold, Straight
-from drpbench.robot import HOME, VELOCITY_LIMIT
+from drpbench.policies import Hold, Straight
+from drpbench.robot import PANDA
 
 from ..scenes import observation, postures
 
@@ -22,7 +22,7 @@ def act():
 
 
 def test_hold_stays_where_the_episode_began(act):
-    first, later = (observation(q, goal=HOME) for q in postures(2))
+    first, later = (observation(q, goal=PANDA.home) for q in postures(2))
     carry = Hold().init(first)
     target, carry = act(Hold(), first, carry)
     np.testing.assert_array_equal(target, first.joint_position)
@@ -42,14 +42,14 @@ def test_straight_aims_along_the_line_at_its_share_of_the_velocity_limits(act, s
             step / np.linalg.norm(step), away / np.linalg.norm(away), atol=1e-5
         )
         # What the servos make of it: a velocity of step / lag.
-        paces = np.abs(step) / SERVO_LAG / VELOCITY_LIMIT
-        assert np.abs(away / VELOCITY_LIMIT).max() > speed * SERVO_LAG
+        paces = np.abs(step) / PANDA.servo_lag / PANDA.velocity_limit
+        assert np.abs(away / PANDA.velocity_limit).max() > speed * PANDA.servo_lag
         assert paces.max() == pytest.approx(speed, rel=1e-4)
 
 
 def test_straight_aims_at_the_goal_itself_once_it_is_near(act):
     q = postures(2)[0]
-    near = q + 0.01 * VELOCITY_LIMIT * np.float32([1, -1, 1, 0, -1, 1, -1])
+    near = q + 0.01 * PANDA.velocity_limit * np.float32([1, -1, 1, 0, -1, 1, -1])
     for goal in (q, near.astype(np.float32)):
         seen = observation(q, goal)
         target, _ = act(Straight(), seen, ())

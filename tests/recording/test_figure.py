@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from drpbench.recording.figure import arm_figure
-from drpbench.robot import surface_points
+from drpbench.robot import PANDA
 
 
 def _distance(points, solid):
@@ -22,7 +22,7 @@ def _distance(points, solid):
 
 
 def test_the_real_surface_is_near_the_drawn_one():
-    points, gaps = surface_points(), []
+    points, gaps = PANDA.surface, []
     for frame in np.unique(points.frame):
         local = points.local[points.frame == frame]
         solids = [solid for solid in arm_figure() if solid.frame == frame]

@@ -7,7 +7,7 @@ import pytest
 
 from drpbench.recording import RecordingError, episode, motion
 from drpbench.recording.episode import nanoseconds
-from drpbench.robot import LINKS
+from drpbench.robot import PANDA
 
 
 def test_an_instant_is_a_sixtieth_of_a_second_without_drift():
@@ -38,7 +38,7 @@ def test_the_contact_point_is_on_the_obstacle_beside_the_link(rolled):
     for found in rolled.episodes:
         seen = motion(found)
         for instant in np.flatnonzero(seen.touching):
-            frame = min(seen.link[instant], len(LINKS) - 3)
+            frame = min(seen.link[instant], len(PANDA.link_names) - 3)
             assert (
                 np.linalg.norm(seen.contact_point[instant] - seen.link_position[instant, frame])
                 < 0.4

@@ -7,7 +7,7 @@ import pytest
 
 from drpbench.recording import RecordingError, motion, offscreen
 from drpbench.recording.stage import Stage
-from drpbench.robot import NO_MESHES, find_mesh_model
+from drpbench.robot import PANDA
 
 try:
     offscreen.choose_platform()
@@ -17,7 +17,7 @@ except RecordingError as error:
 
 @pytest.fixture(scope="module", params=["solids", "meshes"])
 def stage(request):
-    if request.param == "meshes" and find_mesh_model() is None:
+    if request.param == "meshes" and PANDA.meshes.find() is None:
         pytest.skip("no meshes")
     with pytest.MonkeyPatch.context() as patch:
         if request.param == "solids":
@@ -117,10 +117,10 @@ def test_osmesa_is_taken_where_egl_fails(monkeypatch):
     assert offscreen.choose_platform() == "osmesa"
 
 
-@pytest.mark.skipif(find_mesh_model() is None, reason=NO_MESHES)
+@pytest.mark.skipif(PANDA.meshes.find() is None, reason=PANDA.meshes.absent)
 def test_fingers_that_can_move_are_drawn_open(rolled):
     """As the spheres have them: each 4 cm from the middle."""
-    made, episode = Stage(64, 48, find_mesh_model()), rolled.episodes[0]
+    made, episode = Stage(64, 48, PANDA.meshes.find()), rolled.episodes[0]
     made.draw(episode, motion(episode), 0)
     made.close()
     left, right = (made._data.body(f"{side}_finger").xpos for side in ("left", "right"))

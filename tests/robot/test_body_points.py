@@ -8,68 +8,54 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.robot import (
-    HOME,
-    JOINT_LOWER,
-    JOINT_UPPER,
-    LINKS,
-    NO_MESHES,
-    PANDA_XML,
-    find_mesh_model,
-    link_poses,
-    moving_spheres,
-    self_clearance,
-    spheres,
-    surface_points,
-)
-from drpbench.robot.arms.panda import FINGER_OPENING
-from drpbench.robot.spheres import SELF_COLLISION_BLOCKS
+from drpbench.robot import PANDA
+from drpbench.robot.arms.panda.fingers import FINGER_OPENING
 
 FRAMES = 9  # link0 to link7, and the hand with its fingers
 
 
 def configurations(count, seed=0):
     """Uniform within the joint limits, as the float32 values that JAX sees."""
-    q = np.random.default_rng(seed).uniform(JOINT_LOWER, JOINT_UPPER, (count, 7))
+    q = np.random.default_rng(seed).uniform(PANDA.joint_lower, PANDA.joint_upper, (count, 7))
     return q.astype(np.float32)
 
 
 def worlds(points):
     """Compiled: world positions (N, S, 3) of body points at configurations (N, 7)."""
-    return jit(jax.vmap(lambda q: points.world(link_poses(q))))
+    return jit(jax.vmap(lambda q: points.world(PANDA.link_poses(q))))
 
 
 @jit
 @jax.vmap
 def clearances(q):
     """`self_clearance` (N,) at configurations (N, 7)."""
-    return self_clearance(link_poses(q))
+    return PANDA.self_clearance(PANDA.link_poses(q))
 
 
 def as_written(name):
     """The numbers in a data file: {link: (n, 3 or 4)}."""
-    text = (PANDA_XML.parent / name).read_text()
+    text = (PANDA.folder / name).read_text()
     return {link: np.array(values) for link, values in json.loads(text).items()}
 
 
-@pytest.mark.parametrize("path", [PANDA_XML, find_mesh_model()], ids=["own", "real"])
+@pytest.mark.parametrize("path", [PANDA.model, PANDA.meshes.find()], ids=["own", "real"])
 @pytest.mark.parametrize(
     ("points", "name"),
-    [(spheres, "spheres.json"), (surface_points, "surface.json")],
+    [(PANDA.spheres, "spheres.json"), (PANDA.surface, "surface.json")],
     ids=["spheres", "surface"],
 )
 def test_points_stand_where_mujoco_puts_their_links(path, points, name):
     if path is None:
-        pytest.skip(NO_MESHES)
+        pytest.skip(PANDA.meshes.absent)
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
-    points, written = points(), as_written(name)
+    written = as_written(name)
     q = configurations(50)
     for row, found in zip(q, np.asarray(worlds(points)(q)), strict=True):
         data.qpos[:] = FINGER_OPENING
         data.qpos[:7] = row
         mujoco.mj_kinematics(model, data)
-        for index, link in enumerate(LINKS):
+        for index, link in enumerate(PANDA.link_names):
             own = points.link == index
             if link not in written:
                 assert not own.any()
@@ -80,29 +66,28 @@ def test_points_stand_where_mujoco_puts_their_links(path, points, name):
 
 
 def test_every_link_has_spheres_and_every_moving_link_surface_points():
-    assert set(as_written("spheres.json")) == set(LINKS)
-    assert set(as_written("surface.json")) == set(LINKS) - {"link0"}
-    assert np.all(spheres().radius > 0.0)
-    np.testing.assert_array_equal(surface_points().radius, 0.0)
-    assert surface_points().count >= 256
+    assert set(as_written("spheres.json")) == set(PANDA.link_names)
+    assert set(as_written("surface.json")) == set(PANDA.link_names) - {"link0"}
+    assert np.all(PANDA.spheres.radius > 0.0)
+    np.testing.assert_array_equal(PANDA.surface.radius, 0.0)
+    assert PANDA.surface.count >= 256
 
 
-@pytest.mark.parametrize("points", [spheres, moving_spheres, surface_points])
+@pytest.mark.parametrize("points", [PANDA.spheres, PANDA.moving_spheres, PANDA.surface])
 def test_points_are_sorted_by_frame_and_link(points):
-    points = points()
     assert points.count == len(points.link) == len(points.local) == len(points.radius)
     assert np.all(np.diff(points.link) >= 0)
     np.testing.assert_array_equal(points.frame, np.minimum(points.link, 8))
 
 
 def test_moving_spheres_are_all_but_the_base_links():
-    every, moving = spheres(), moving_spheres()
+    every, moving = PANDA.spheres, PANDA.moving_spheres
     assert moving.count == (every.link > 0).sum() < every.count
     np.testing.assert_array_equal(moving.local, every.local[every.link > 0])
 
 
 def test_a_part_keeps_what_was_picked_in_order():
-    every = spheres()
+    every = PANDA.spheres
     picked = np.array([5, 2, 40])
     part = every.part(picked)
     np.testing.assert_array_equal(part.local, every.local[picked])
@@ -114,7 +99,7 @@ def block_pairs():
     """The pairs of frames that `self_clearance` looks at."""
     return {
         (min(a, b), max(a, b))
-        for first, second in SELF_COLLISION_BLOCKS
+        for first, second in PANDA.self_collision_blocks
         for a in first
         for b in second
     }
@@ -124,7 +109,7 @@ def block_pairs():
 def crowd():
     """20,000 random configurations: `self_clearance`, and by brute force each pair of frames'."""
     q = configurations(20_000, seed=7)
-    model = spheres()
+    model = PANDA.spheres
     clearance = np.asarray(clearances(q))
     # Neighbours always overlap; link5 and link7 share a housing.
     pairs = [(i, j) for i in range(FRAMES) for j in range(i + 2, FRAMES) if (i, j) != (5, 7)]
@@ -167,15 +152,15 @@ def test_the_arm_is_free_at_home_and_collides_when_folded():
     folded = [0.0, 0.0, 0.0, -3.07, 0.0, 0.0, 0.0]
     # The hand laid back onto the forearm.
     tucked = [0.0, 0.0, 0.0, -1.6, 0.0, -0.0175, -0.24]
-    free, *collided = clearances(np.array([HOME, folded, tucked], np.float32))
+    free, *collided = clearances(np.array([PANDA.home, folded, tucked], np.float32))
     assert free > 0.03
     assert max(collided) < -0.02
 
 
 def test_deep_self_collisions_of_the_real_meshes_are_seen():
-    path = find_mesh_model()
+    path = PANDA.meshes.find()
     if path is None:
-        pytest.skip(NO_MESHES)
+        pytest.skip(PANDA.meshes.absent)
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     frame = np.minimum(np.array(model.geom_bodyid) - 1, 8)

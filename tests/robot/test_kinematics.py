@@ -7,27 +7,16 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.robot import (
-    JOINT_LOWER,
-    JOINT_UPPER,
-    LINKS,
-    NO_MESHES,
-    PANDA_XML,
-    find_mesh_model,
-    grip_jacobian,
-    grip_pose,
-    link_poses,
-    point_jacobian,
-)
-from drpbench.robot.arms.panda import FINGER_OPENING
+from drpbench.robot import PANDA, point_jacobian
+from drpbench.robot.arms.panda.fingers import FINGER_OPENING
 
-FRAMES = LINKS[:9]  # the frames of LinkPoses: link0 to link7 and the hand
+FRAMES = PANDA.link_names[:9]  # the frames of LinkPoses: link0 to link7 and the hand
 GRIP = np.array([0.0, 0.0, 0.1])  # [m] in the hand frame
 
 
 def configurations(count, seed=0):
     """Uniform within the joint limits, as the float32 values that JAX sees."""
-    q = np.random.default_rng(seed).uniform(JOINT_LOWER, JOINT_UPPER, (count, 7))
+    q = np.random.default_rng(seed).uniform(PANDA.joint_lower, PANDA.joint_upper, (count, 7))
     return q.astype(np.float32)
 
 
@@ -46,15 +35,15 @@ def angle_between(first, second):
 
 @pytest.fixture(scope="module")
 def real():
-    path = find_mesh_model()
+    path = PANDA.meshes.find()
     if path is None:
-        pytest.skip(NO_MESHES)
+        pytest.skip(PANDA.meshes.absent)
     return mujoco.MjModel.from_xml_path(str(path))
 
 
 @pytest.fixture(scope="module")
 def own():
-    return mujoco.MjModel.from_xml_path(str(PANDA_XML))
+    return mujoco.MjModel.from_xml_path(str(PANDA.model))
 
 
 @pytest.fixture(params=["real", "own"])
@@ -69,8 +58,8 @@ def test_frames_agree_with_mujoco_over_10000_configurations(model):
     @jit
     @jax.vmap
     def forward(q):
-        poses = link_poses(q)
-        return poses.position, poses.rotation, *grip_pose(poses)
+        poses = PANDA.link_poses(q)
+        return poses.position, poses.rotation, *PANDA.grip_pose(poses)
 
     found_position, found_rotation, grip_position, grip_rotation = map(np.asarray, forward(q))
     data = mujoco.MjData(model)
@@ -92,7 +81,7 @@ def test_frames_agree_with_mujoco_over_10000_configurations(model):
 def test_own_model_marks_the_grip_frame(own):
     q = configurations(100, seed=5)
     found_position, found_rotation = map(
-        np.asarray, jit(jax.vmap(lambda q: grip_pose(link_poses(q))))(q)
+        np.asarray, jit(jax.vmap(lambda q: PANDA.grip_pose(PANDA.link_poses(q))))(q)
     )
     data = mujoco.MjData(own)
     for row, position, rotation in zip(q, found_position, found_rotation, strict=True):
@@ -110,9 +99,9 @@ def test_jacobians_agree_with_mujoco(model):
     @jit
     @jax.vmap
     def jacobians(q, local, frame):
-        poses = link_poses(q)
+        poses = PANDA.link_poses(q)
         point = poses.position[frame] + poses.rotation[frame] @ local
-        return grip_jacobian(poses), point, point_jacobian(poses, point, frame)
+        return PANDA.grip_jacobian(poses), point, point_jacobian(poses, point, frame)
 
     grip, point, at_point = map(np.asarray, jacobians(q, local, frame))
     data = mujoco.MjData(model)
@@ -137,9 +126,9 @@ def test_jacobians_are_the_derivatives_of_the_kinematics():
     @jit
     @jax.vmap
     def compare(q):
-        poses = link_poses(q)
-        position_slope = jax.jacfwd(lambda q: link_poses(q).position)(q)
-        rotation_slope = jax.jacfwd(lambda q: link_poses(q).rotation)(q)
+        poses = PANDA.link_poses(q)
+        position_slope = jax.jacfwd(lambda q: PANDA.link_poses(q).position)(q)
+        rotation_slope = jax.jacfwd(lambda q: PANDA.link_poses(q).rotation)(q)
         points = poses.position + poses.rotation @ local
         closed = jnp.stack([point_jacobian(poses, points[i], i) for i in range(9)])
         automatic = position_slope + jnp.einsum("fabj,b->faj", rotation_slope, local)
@@ -147,7 +136,7 @@ def test_jacobians_are_the_derivatives_of_the_kinematics():
         skew = jnp.einsum("abj,cb->acj", rotation_slope[8], poses.rotation[8])
         spin = jnp.stack([skew[2, 1], skew[0, 2], skew[1, 0]])
         tip = position_slope[8] + jnp.einsum("abj,b->aj", rotation_slope[8], GRIP)
-        return closed, automatic, grip_jacobian(poses), jnp.concatenate([tip, spin])
+        return closed, automatic, PANDA.grip_jacobian(poses), jnp.concatenate([tip, spin])
 
     closed, automatic, grip_closed, grip_automatic = map(np.asarray, compare(q))
     np.testing.assert_allclose(closed, automatic, atol=1e-5)
@@ -156,8 +145,8 @@ def test_jacobians_are_the_derivatives_of_the_kinematics():
 
 @pytest.mark.parametrize("armature", [True, False], ids=["with armature", "links alone"])
 def test_mass_matrix_agrees_with_the_real_arm(real, armature):
-    own = mujoco.MjModel.from_xml_path(str(PANDA_XML))
-    real = mujoco.MjModel.from_xml_path(str(find_mesh_model()))
+    own = mujoco.MjModel.from_xml_path(str(PANDA.model))
+    real = mujoco.MjModel.from_xml_path(str(PANDA.meshes.find()))
     if not armature:  # it would hide the wrist's own inertia
         own.dof_armature[:] = real.dof_armature[:] = 0.0
 

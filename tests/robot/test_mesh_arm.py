@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from drpbench.robot import LINKS, NO_MESHES, find_mesh_model
-from drpbench.robot.mesh_arm import mesh_arm, slabs
+from drpbench.robot import PANDA
+from drpbench.robot.arms.panda.mesh_arm import slabs
 
-needs_meshes = pytest.mark.skipif(find_mesh_model() is None, reason=NO_MESHES)
+needs_meshes = pytest.mark.skipif(PANDA.meshes.find() is None, reason=PANDA.meshes.absent)
 
 
 def test_slabs_of_a_cube_are_boxes_that_fill_it():
@@ -25,9 +25,9 @@ def test_slabs_of_a_cube_are_boxes_that_fill_it():
 
 @needs_meshes
 def test_has_seven_joints_and_the_links_names():
-    model = mesh_arm(find_mesh_model()).compile()
+    model = PANDA.meshes.spec(PANDA.meshes.find()).compile()
     assert (model.nq, model.nu, model.neq, model.ntendon) == (7, 0, 0, 0)
-    assert {model.body(body).name for body in range(1, model.nbody)} >= set(LINKS)
+    assert {model.body(body).name for body in range(1, model.nbody)} >= set(PANDA.link_names)
 
 
 @needs_meshes
@@ -36,7 +36,7 @@ def test_a_finger_is_hollow_where_its_hull_is_full():
     place = [-0.0029, 0.0053, 0.0234]
     distances = []
     for pieces in (1, 8):
-        spec = mesh_arm(find_mesh_model(), pieces)
+        spec = PANDA.meshes.spec(PANDA.meshes.find(), pieces)
         ball = spec.body("left_finger").add_geom()
         ball.name, ball.type, ball.size, ball.pos = (
             "ball",
@@ -61,7 +61,7 @@ def test_a_finger_is_hollow_where_its_hull_is_full():
 @needs_meshes
 def test_the_pieces_are_as_large_as_the_finger():
     def bounds(pieces):
-        model = mesh_arm(find_mesh_model(), pieces).compile()
+        model = PANDA.meshes.spec(PANDA.meshes.find(), pieces).compile()
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         points = []

@@ -4,30 +4,20 @@ import mujoco
 import numpy as np
 import pytest
 
-from drpbench.robot import (
-    HOME,
-    JOINT_LOWER,
-    JOINT_UPPER,
-    LINKS,
-    NO_MESHES,
-    PANDA_XML,
-    TORQUE_LIMIT,
-    VELOCITY_LIMIT,
-    find_mesh_model,
-)
-from drpbench.robot.arms.panda import FINGER_OPENING
+from drpbench.robot import PANDA
+from drpbench.robot.arms.panda.fingers import FINGER_OPENING
 
 
 @pytest.fixture(scope="module")
 def own():
-    return mujoco.MjModel.from_xml_path(str(PANDA_XML))
+    return mujoco.MjModel.from_xml_path(str(PANDA.model))
 
 
 @pytest.fixture(scope="module")
 def real():
-    path = find_mesh_model()
+    path = PANDA.meshes.find()
     if path is None:
-        pytest.skip(NO_MESHES)
+        pytest.skip(PANDA.meshes.absent)
     return mujoco.MjModel.from_xml_path(str(path))
 
 
@@ -38,18 +28,18 @@ def model(request):
 
 
 def test_links_are_the_bodies_in_order(model):
-    assert tuple(model.body(i).name for i in range(1, model.nbody)) == LINKS
+    assert tuple(model.body(i).name for i in range(1, model.nbody)) == PANDA.link_names
 
 
 def test_joint_limits_agree(model):
-    limits = np.stack([JOINT_LOWER, JOINT_UPPER], axis=1)
+    limits = np.stack([PANDA.joint_lower, PANDA.joint_upper], axis=1)
     np.testing.assert_array_equal(model.jnt_range[:7], limits)
     np.testing.assert_array_equal(model.actuator_ctrlrange[:7], limits)
     assert model.jnt_limited[:7].all() and model.actuator_ctrllimited[:7].all()
 
 
 def test_torque_limits_agree(model):
-    limits = np.stack([-TORQUE_LIMIT, TORQUE_LIMIT], axis=1)
+    limits = np.stack([-PANDA.torque_limit, PANDA.torque_limit], axis=1)
     np.testing.assert_array_equal(model.actuator_forcerange[:7], limits)
     assert model.actuator_forcelimited[:7].all()
 
@@ -74,5 +64,7 @@ def test_fingers_of_the_own_model_are_fixed_open(own):
 
 
 def test_home_is_inside_the_limits():
-    assert np.all(HOME > JOINT_LOWER + 0.1) and np.all(HOME < JOINT_UPPER - 0.1)
-    assert VELOCITY_LIMIT.shape == HOME.shape and np.all(VELOCITY_LIMIT > 0.0)
+    assert np.all(PANDA.home > PANDA.joint_lower + 0.1) and np.all(
+        PANDA.home < PANDA.joint_upper - 0.1
+    )
+    assert PANDA.velocity_limit.shape == PANDA.home.shape and np.all(PANDA.velocity_limit > 0.0)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import drpbench.robot
-from drpbench.robot import LINKS, NO_MESHES, find_mesh_model
+from drpbench.robot import PANDA
 from drpbench.robot.link_meshes import load_link_meshes
 from drpbench.robot.sphere_cover import link_spheres, measure_cover, pooled_mean_excess
 
 ROBOT = Path(drpbench.robot.__file__).parent / "arms" / "panda"
-ARM, HAND = LINKS[1:8], LINKS[8:]
+ARM, HAND = PANDA.link_names[1:8], PANDA.link_names[8:]
 
 
 @pytest.fixture(scope="module")
@@ -23,9 +23,9 @@ def surface():
 
 @pytest.fixture(scope="module")
 def meshes():
-    path = find_mesh_model()
+    path = PANDA.meshes.find()
     if path is None:
-        pytest.skip(NO_MESHES)
+        pytest.skip(PANDA.meshes.absent)
     return load_link_meshes(path)
 
 
@@ -33,8 +33,8 @@ def meshes():
 def figures(meshes):
     # The right finger has the left one's mesh and the left one's spheres: other tests say so.
     measured = {
-        name: measure_cover(meshes[name], link_spheres(name), 20_000, seed=7)
-        for name in LINKS
+        name: measure_cover(meshes[name], link_spheres(PANDA, name), 20_000, seed=7)
+        for name in PANDA.link_names
         if name != "right_finger"
     }
     return measured | {"right_finger": measured["left_finger"]}
@@ -42,7 +42,7 @@ def figures(meshes):
 
 def test_spheres_are_listed_for_every_link_in_order():
     rows = json.loads((ROBOT / "spheres.json").read_text())
-    assert tuple(rows) == LINKS
+    assert tuple(rows) == PANDA.link_names
     for spheres in rows.values():
         spheres = np.array(spheres)
         assert spheres.ndim == 2 and spheres.shape[1] == 4
@@ -50,17 +50,19 @@ def test_spheres_are_listed_for_every_link_in_order():
 
 
 def test_the_moving_links_have_at_most_a_hundred_spheres():
-    assert sum(len(link_spheres(name)) for name in LINKS[1:]) <= 100
+    assert sum(len(link_spheres(PANDA, name)) for name in PANDA.link_names[1:]) <= 100
 
 
 def test_both_fingers_share_one_sphere_set(meshes):
-    np.testing.assert_array_equal(link_spheres("left_finger"), link_spheres("right_finger"))
+    np.testing.assert_array_equal(
+        link_spheres(PANDA, "left_finger"), link_spheres(PANDA, "right_finger")
+    )
     np.testing.assert_allclose(
         meshes["left_finger"].triangles, meshes["right_finger"].triangles, atol=1e-9
     )
 
 
-@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("link", PANDA.link_names)
 def test_no_mesh_point_is_more_than_3_mm_outside_the_spheres(figures, link):
     assert figures[link].largest_gap <= 0.003
 
@@ -74,7 +76,7 @@ def test_spheres_stand_out_little(figures, links, mean, largest):
 
 
 def test_surface_points_number_512_on_the_moving_links(surface):
-    assert tuple(surface) == LINKS[1:]
+    assert tuple(surface) == PANDA.link_names[1:]
     assert sum(map(len, surface.values())) == 512
     for points in surface.values():
         assert points.shape[1] == 3

@@ -13,7 +13,7 @@ from drpbench.plugins.host import Hosted
 from drpbench.policies import Straight
 from drpbench.problems import ProblemSetError, load
 from drpbench.results.shipped import shipped_results
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, grip_pose, link_poses
+from drpbench.robot import PANDA
 from drpbench.viewer import Simulation
 from drpbench.viewer.simulation import FOLLOW_SPEED
 
@@ -136,8 +136,8 @@ def test_a_goal_that_is_moved_is_reached_by_its_joints(simulation):
     place = moment.goal_position + np.array([0.0, 0.05, 0.05])
     assert simulation.move_goal(place, 2.0 * moment.goal_quaternion)
     joints = np.asarray(simulation.goal_joints)
-    assert ((joints > JOINT_LOWER) & (joints < JOINT_UPPER)).all()
-    position, rotation = grip_pose(link_poses(simulation.goal_joints))
+    assert ((joints > PANDA.joint_lower) & (joints < PANDA.joint_upper)).all()
+    position, rotation = PANDA.grip_pose(PANDA.link_poses(simulation.goal_joints))
     np.testing.assert_allclose(position, place, atol=2e-4)
     wanted = quaternion_to_matrix(jnp.array(simulation.look().goal_quaternion))
     np.testing.assert_allclose(rotation, wanted, atol=2e-3)

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from drpbench.contract import CONTROL_PERIOD
-from drpbench.robot import VELOCITY_LIMIT
+from drpbench.robot import PANDA
 
 CHUNK = 10
 """Waypoints of a chunk, one a control step (1/60 s)."""
@@ -28,11 +28,11 @@ FLOOR = 1e-3
 """The smallest scale: keeps `encode` finite at the goal."""
 LOOKAHEAD = 3
 """Which waypoint is commanded, counted from 1. The servos lag their target by kd / kp = 0.05 s
-(`SERVO_LAG`), which is three control steps: a target that far ahead makes the arm keep to the path's
+(`Robot.servo_lag`), which is three control steps: a target that far ahead makes the arm keep to the path's
 time."""
 
 # [rad] for s = 1: shape (10, 7).
-_UNIT = np.arange(1, CHUNK + 1)[:, None] * CONTROL_PERIOD * SPEED * VELOCITY_LIMIT
+_UNIT = np.arange(1, CHUNK + 1)[:, None] * CONTROL_PERIOD * SPEED * PANDA.velocity_limit
 
 
 def scale(q: Float[Array, "*batch 7"], goal: Float[Array, "*batch 7"]) -> Float[Array, "*batch"]:

@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from drpbench.robot import HOME, BodyPoints, link_poses, moving_spheres
+from drpbench.robot import PANDA, BodyPoints
 
 # The collision spheres that may have feelers: those of the forearm to the fingers.
-_MODEL = moving_spheres().part(moving_spheres().frame >= 3)
+_MODEL = PANDA.moving_spheres.part(PANDA.moving_spheres.frame >= 3)
 MOST_FEELERS = _MODEL.count
 
 
@@ -17,7 +17,7 @@ MOST_FEELERS = _MODEL.count
 def feeler_points(count: int) -> BodyPoints:
     """`count` of the arm's sphere centres, spread over it: each the farthest from those before it, at home."""
     with jax.ensure_compile_time_eval():
-        places = np.asarray(_MODEL.world(link_poses(jnp.asarray(HOME, jnp.float32))))
+        places = np.asarray(_MODEL.world(PANDA.link_poses(jnp.asarray(PANDA.home, jnp.float32))))
     chosen = [_MODEL.count - 1]
     while len(chosen) < count:
         gap = np.linalg.norm(places[:, None] - places[chosen], axis=-1).min(axis=1)

@@ -25,7 +25,7 @@ import numpy as np
 from flax import nnx
 from jaxtyping import Array, Bool, Float
 
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, BodyPoints, link_poses, surface_points
+from drpbench.robot import PANDA, BodyPoints
 
 from .chunks import CHUNK, FLOOR, RAMP
 from .feelers import MOST_FEELERS, feeler_points
@@ -134,19 +134,22 @@ def positional_encoding(
 
 def normalised(q: Float[Array, "*batch 7"]) -> Float[Array, "*batch 7"]:
     """Joints [rad] as shares of their range, [-1, 1]."""
-    middle, half = 0.5 * (JOINT_UPPER + JOINT_LOWER), 0.5 * (JOINT_UPPER - JOINT_LOWER)
+    middle, half = (
+        0.5 * (PANDA.joint_upper + PANDA.joint_lower),
+        0.5 * (PANDA.joint_upper - PANDA.joint_lower),
+    )
     return (q - jnp.asarray(middle, q.dtype)) / jnp.asarray(half, q.dtype)
 
 
 def arm_at(q: Float[Array, "*batch 7"], count: int) -> Float[Array, "*batch {count} 3"]:
     """Every (256 / count)-th of the observed points of the arm, at joints `q` [rad]: positions [m]."""
-    observed = surface_points(ROBOT_POINTS)
+    observed = PANDA.surface_points(ROBOT_POINTS)
     return _world(observed.part(np.arange(0, ROBOT_POINTS, ROBOT_POINTS // count)), q)
 
 
 def _world(points: BodyPoints, q: Float[Array, "*batch 7"]) -> Float[Array, "*batch S 3"]:
     """Where points of the arm are [m] at joints `q` [rad]."""
-    flat = jax.vmap(lambda one: points.world(link_poses(one)))(q.reshape(-1, 7))
+    flat = jax.vmap(lambda one: points.world(PANDA.link_poses(one)))(q.reshape(-1, 7))
     return flat.reshape(*q.shape[:-1], points.count, 3)
 
 

@@ -12,7 +12,7 @@ from drpbench.contract import CONTROL_STEPS
 from drpbench.envs import TASKS
 from drpbench.envs.movers import clearance_of_box
 from drpbench.envs.tasks.task import Arm
-from drpbench.robot import moving_spheres
+from drpbench.robot import PANDA
 
 from ...scenes import batch, bodies, postures, problem
 
@@ -22,7 +22,7 @@ COUNT = 200
 def arms_at(q):
     """What tasks know of arms at configurations (B, 7)."""
     centers, grip, _, _ = bodies(q)
-    radii = np.tile(moving_spheres().radius, (len(q), 1))
+    radii = np.tile(PANDA.moving_spheres.radius, (len(q), 1))
     return Arm(jnp.asarray(centers), jnp.asarray(radii), jnp.asarray(grip))
 
 

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from drpbench.policies import SERVO_LAG
 from drpbench.policies.networks.chunks import (
     CHUNK,
     FLOOR,
@@ -18,9 +17,9 @@ from drpbench.policies.networks.chunks import (
     encode,
     scale,
 )
-from drpbench.robot import JOINT_LOWER, JOINT_UPPER, VELOCITY_LIMIT
+from drpbench.robot import PANDA
 
-LOWER, UPPER = JOINT_LOWER.astype(np.float32), JOINT_UPPER.astype(np.float32)
+LOWER, UPPER = PANDA.joint_lower.astype(np.float32), PANDA.joint_upper.astype(np.float32)
 shares = arrays(np.float32, 7, elements=st.floats(0, 1, width=32))
 distances = st.floats(0, 6, width=32)
 
@@ -52,7 +51,9 @@ def test_a_chunk_of_ones_moves_at_the_demonstrations_speed():
     q = jnp.asarray([0.1, -0.2, 0.3, -1.5, 0.2, 1.0, 0.4])
     waypoints = np.asarray(decode(jnp.ones((CHUNK, 7)), q, q + 1.0))
     steps = np.diff(np.concatenate([q[None], waypoints]), axis=0)
-    np.testing.assert_allclose(steps * 60, np.tile(0.4 * VELOCITY_LIMIT, (CHUNK, 1)), rtol=1e-3)
+    np.testing.assert_allclose(
+        steps * 60, np.tile(0.4 * PANDA.velocity_limit, (CHUNK, 1)), rtol=1e-3
+    )
 
 
 def test_the_farthest_joint_sets_the_scale():
@@ -64,7 +65,7 @@ def test_the_farthest_joint_sets_the_scale():
 
 
 def test_the_waypoint_commanded_is_as_far_ahead_as_the_servos_lag():
-    assert LOOKAHEAD / 60 == SERVO_LAG
+    assert PANDA.servo_lag == LOOKAHEAD / 60
     rng = np.random.default_rng(0)
     chunk = jnp.asarray(rng.normal(size=(5, CHUNK, 7)), jnp.float32)
     q, goal = jnp.asarray(rng.uniform(-1, 1, (2, 5, 7)), jnp.float32)
@@ -76,7 +77,7 @@ def test_the_same_error_moves_the_arm_less_near_the_goal():
     q, goal = jnp.full(7, 0.5), jnp.zeros(7)
     wrong = jnp.asarray(np.random.default_rng(0).uniform(-0.3, 0.3, (300, 7)), jnp.float32)
     for error in wrong:
-        unit = jnp.asarray(SPEED * VELOCITY_LIMIT / 60, jnp.float32)
+        unit = jnp.asarray(SPEED * PANDA.velocity_limit / 60, jnp.float32)
         towards = (goal - q) / jnp.max(jnp.abs(goal - q))
         chunk = jnp.tile(towards + error, (CHUNK, 1))
         q = q + jnp.clip(commanded(chunk, q, goal) - q, -unit, unit)

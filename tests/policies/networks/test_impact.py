@@ -21,7 +21,7 @@ from drpbench.policies.networks.impact import (
     normalised,
     positional_encoding,
 )
-from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER, link_poses
+from drpbench.robot import PANDA
 
 TINY = ImpactSize(
     scene_points=64,
@@ -46,7 +46,7 @@ def count(size):
 
 def inputs(batch=2, seed=0):
     rng = np.random.default_rng(seed)
-    lower, upper = JOINT_LOWER, JOINT_UPPER
+    lower, upper = PANDA.joint_lower, PANDA.joint_upper
     return (
         jnp.asarray(rng.uniform(-0.6, 0.6, (batch, 2048, 3)), jnp.float32),
         jnp.asarray(rng.random((batch, 2048)) < 0.9),
@@ -198,8 +198,12 @@ def test_a_few_steps_of_descent_fit_a_batch(tiny):
 
 
 def test_joint_limits_are_the_ends_of_the_range():
-    np.testing.assert_allclose(normalised(jnp.asarray(JOINT_LOWER, jnp.float32)), -1.0, atol=1e-6)
-    np.testing.assert_allclose(normalised(jnp.asarray(JOINT_UPPER, jnp.float32)), 1.0, atol=1e-6)
+    np.testing.assert_allclose(
+        normalised(jnp.asarray(PANDA.joint_lower, jnp.float32)), -1.0, atol=1e-6
+    )
+    np.testing.assert_allclose(
+        normalised(jnp.asarray(PANDA.joint_upper, jnp.float32)), 1.0, atol=1e-6
+    )
 
 
 def test_positional_encoding_tells_a_centimetre():
@@ -242,7 +246,7 @@ def with_points(center, radius=0.05):
 @pytest.mark.parametrize("which", [3, 4])
 def test_feelers_feel_what_is_near_the_arm_and_its_goal(feeling, which):
     seen = with_points([0.0, 0.0, 5.0])
-    poses = link_poses(seen[which][0])
+    poses = PANDA.link_poses(seen[which][0])
     hand = feeler_points(FEELING.feelers).world(poses)[-1]
     near = feeling(*with_points(np.asarray(hand)))[0] - feeling(*seen)[0]
     assert float(jnp.abs(near).max()) > 1e-3
@@ -255,7 +259,7 @@ def test_feelers_do_not_feel_what_is_far(feeling):
 
 def test_feelers_are_spread_from_the_forearm_to_the_fingers():
     model = feeler_points(12)
-    places = np.asarray(model.world(link_poses(jnp.asarray(HOME, jnp.float32))))
+    places = np.asarray(model.world(PANDA.link_poses(jnp.asarray(PANDA.home, jnp.float32))))
     gap = np.linalg.norm(places[:, None] - places, axis=-1) + 10 * np.eye(12)
     assert model.count == 12 and set(model.frame) >= {3, 5, 7, 8} and gap.min() > 0.05
 

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .arms.panda import FINGER_HEIGHT, FINGER_OPENING
+from .fingers import FINGER_HEIGHT, FINGER_OPENING
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def mesh_arm(model: Path, finger_pieces: int = 8) -> mujoco.MjSpec:
+def mesh_arm(
+    model: Path, finger_pieces: int = 8, finger_opening: float = FINGER_OPENING
+) -> mujoco.MjSpec:
     """The arm of `model`, an MJCF as `find_mesh_model` finds it: seven joints and collision geoms.
 
     Visual geoms, actuators, tendons and keys are left out, the fingers are fixed open, and a site
@@ -34,8 +36,8 @@ def mesh_arm(model: Path, finger_pieces: int = 8) -> mujoco.MjSpec:
     for joint in list(spec.joints):
         if joint.name.startswith("finger"):
             spec.delete(joint)
-    spec.body("left_finger").pos = [0, FINGER_OPENING, FINGER_HEIGHT]
-    spec.body("right_finger").pos = [0, -FINGER_OPENING, FINGER_HEIGHT]
+    spec.body("left_finger").pos = [0, finger_opening, FINGER_HEIGHT]
+    spec.body("right_finger").pos = [0, -finger_opening, FINGER_HEIGHT]
     grip = spec.body("hand").add_site()
     grip.name, grip.pos = "grip", [0, 0, 0.1]
     if finger_pieces > 1:
