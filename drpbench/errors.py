@@ -1,5 +1,9 @@
-"""How the command line says no."""
+"""What the command line turns into one line and exit code 2."""
 
 
-class Refused(ValueError):
-    """Bad input: what is wrong and what would be right, in one line."""
+class DrpbenchError(ValueError):
+    """Something outside drpbench is not as expected: the message is one line that says what would be right."""
+
+
+class InputError(DrpbenchError):
+    """An option, an argument or a file's name is not one that the command takes."""

@@ -13,7 +13,7 @@ from drpbench.cli import recording as cli_recording
 from drpbench.cli import report as cli_report
 from drpbench.cli import results as cli_results
 from drpbench.cli import view as cli_view
-from drpbench.errors import Refused
+from drpbench.errors import DrpbenchError, InputError
 
 from .options import TASK_NAMES, PolicyArguments, PolicyName, Seed, TimeLimit, check_limits
 
@@ -39,27 +39,9 @@ def main() -> None:
         told = again.get(next(iter(sys.argv[1:]), ""), "")
         print(f"\ndrpbench: interrupted{told}", file=sys.stderr)
         sys.exit(130)
-    except ValueError as error:
-        if not _is_about_input(error):
-            raise
+    except DrpbenchError as error:
         print(f"drpbench: {error}", file=sys.stderr)
         sys.exit(2)
-
-
-def _is_about_input(error: ValueError) -> bool:
-    return isinstance(error, Refused) or type(error).__name__ in (
-        "CheckpointError",
-        "DataError",
-        "LeaderboardError",
-        "PolicyError",
-        "ProblemSetError",
-        "RecordingError",
-        "RefereeError",
-        "ResultsError",
-        "TrainingError",
-        "UnknownPolicy",
-        "WeightsError",
-    )
 
 
 def parse_tasks(text: str) -> list[str]:
@@ -69,9 +51,9 @@ def parse_tasks(text: str) -> list[str]:
     )
     for name in names:
         if name not in TASK_NAMES:
-            raise Refused(f"no task {name!r}; there are: {', '.join(TASK_NAMES)}, all")
+            raise InputError(f"no task {name!r}; there are: {', '.join(TASK_NAMES)}, all")
     if len(set(names)) < len(names):
-        raise Refused(f"--task names a task twice: {text}")
+        raise InputError(f"--task names a task twice: {text}")
     return names
 
 
@@ -87,22 +69,24 @@ def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
         if text.isdecimal():
             wanted = int(text)
             if not 0 < wanted <= count:
-                raise Refused(f"--problems {text}: {task} has 1 to {count} problems to choose from")
+                raise InputError(
+                    f"--problems {text}: {task} has 1 to {count} problems to choose from"
+                )
             return None if wanted == count else list(range(wanted))
         ids: list[int] = []
         for part in text.rstrip(",").split(","):
             first, _, last = part.partition("-")
             ids += range(int(first), int(last or first) + 1)
     except ValueError as error:
-        if isinstance(error, Refused):
+        if isinstance(error, InputError):
             raise
-        raise Refused(
+        raise InputError(
             f"--problems {text!r}: a count (20), ids (3,17 or 5,) or a range of ids (0-9) is meant"
         ) from None
     if not ids or len(set(ids)) < len(ids):
-        raise Refused(f"--problems {text!r}: names no problem, or one twice")
+        raise InputError(f"--problems {text!r}: names no problem, or one twice")
     if outside := [i for i in ids if not 0 <= i < count]:
-        raise Refused(
+        raise InputError(
             f"--problems: no problem {outside[0]} in {task}; ids go from 0 to {count - 1}"
         )
     return ids
@@ -156,7 +140,7 @@ def run(
     """Evaluate a policy: every problem exactly once, resumable, one JSON with a row for each."""
     names = parse_tasks(task)
     if batch_size is not None and batch_size < 1:
-        raise Refused(f"--batch-size {batch_size}: must be at least 1")
+        raise InputError(f"--batch-size {batch_size}: must be at least 1")
     check_limits(time_limit, seed)
     recorded = cli_recording.parse_count(record)
     from drpbench.problems import counts
@@ -165,7 +149,7 @@ def run(
     wanted = {name: parse_problems(problems, name, sizes[name]) for name in names}
     out = out or default_out(policy, names, resume)
     if out.suffix != ".json":
-        raise Refused(f"--out {out}: the result file must end in .json")
+        raise InputError(f"--out {out}: the result file must end in .json")
 
     from drpbench.compile import use_cache
 
@@ -273,7 +257,7 @@ def _problem(task: str, id: int):
     name = parse_tasks(task)[0]
     problems = load(name)
     if not 0 <= id < len(problems.level):
-        raise Refused(f"no problem {id} in {name}; ids go from 0 to {len(problems.level) - 1}")
+        raise InputError(f"no problem {id} in {name}; ids go from 0 to {len(problems.level) - 1}")
     return problems
 
 
@@ -302,7 +286,7 @@ def export(
 
     names = parse_tasks(task)
     if out.exists():
-        raise Refused(f"{out}: exists; nothing overwritten. Name another file with --out")
+        raise InputError(f"{out}: exists; nothing overwritten. Name another file with --out")
     try:
         with open(out, "x", encoding="utf-8") as file:
             for name in names:
@@ -310,7 +294,7 @@ def export(
                 for id in range(len(problems.level)):
                     file.write(json.dumps(problems.to_json(id)) + "\n")
     except OSError as error:
-        raise Refused(f"{out}: cannot be written ({error.strerror})") from None
+        raise InputError(f"{out}: cannot be written ({error.strerror})") from None
     typer.echo(f"wrote {out}")
 
 
@@ -350,11 +334,11 @@ def referee(
     run = load(result)
     recorded = result.with_suffix(".npz")
     if not recorded.is_file():
-        raise Refused(f"{recorded}: not there; run again with --save-trajectories")
+        raise InputError(f"{recorded}: not there; run again with --save-trajectories")
     try:
         trajectories = load_trajectories(recorded)
     except ValueError as error:
-        raise Refused(str(error)) from None
+        raise InputError(str(error)) from None
     problems = {task: load_problems(task) for task in run.header.tasks}
     console = Console()
     judging = judgements(run, trajectories, problems)

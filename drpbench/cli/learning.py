@@ -5,13 +5,13 @@ from typing import Annotated
 
 import typer
 
-from drpbench.errors import Refused
+from drpbench.errors import InputError
 
 
 def _check_multiple(name: str, number: int, of: int, least: int = 0) -> None:
     if number < least or number % of:
         near = max(of, round(number / of) * of)
-        raise Refused(f"--{name} {number}: must be a multiple of {of}, such as {near}")
+        raise InputError(f"--{name} {number}: must be a multiple of {of}, such as {near}")
 
 
 def data(
@@ -30,7 +30,7 @@ def data(
     _check_multiple("count", count, SHARD)
     _check_multiple("first", first, SHARD)
     if workers is not None and workers < 1:
-        raise Refused(f"--workers {workers}: must be at least 1")
+        raise InputError(f"--workers {workers}: must be at least 1")
     shards = Shards(out, TRAINING_STREAM, SHARD)
     from drpbench.compile import use_cache
 
@@ -71,7 +71,7 @@ def correct(
     count = there.count // SHARD * SHARD if count is None else count
     _check_multiple("count", count, SHARD, least=1)
     if count > there.count:
-        raise Refused(f"--count {count}: {demonstrations} holds {there.count} demonstrations")
+        raise InputError(f"--count {count}: {demonstrations} holds {there.count} demonstrations")
     policy = load(weights)
     shards = Shards(out, f"corrections-{policy.weights[:8]}", SHARD)
     from drpbench.compile import use_cache
@@ -128,7 +128,7 @@ def train(
 ) -> None:
     """Train IMPACT by behaviour cloning. Checkpoints, a CSV, a plot and weights lie in the run's folder."""
     if network != "impact":
-        raise Refused(f"cannot train {network!r}; there is: impact")
+        raise InputError(f"cannot train {network!r}; there is: impact")
     for name, number in (
         ("steps", steps),
         ("batch", batch),
@@ -137,9 +137,9 @@ def train(
         ("capacity", capacity),
     ):
         if number < 1:
-            raise Refused(f"--{name} {number}: must be at least 1")
+            raise InputError(f"--{name} {number}: must be at least 1")
     if precision not in (None, "float32", "bfloat16"):
-        raise Refused(f"--precision {precision}: float32 or bfloat16 is meant")
+        raise InputError(f"--precision {precision}: float32 or bfloat16 is meant")
     from drpbench.compile import use_cache
 
     use_cache()

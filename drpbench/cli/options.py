@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from drpbench.errors import Refused
+from drpbench.errors import InputError
 
 TASK_NAMES = ("SE", "SAO", "FDO", "GB", "DGB")
 
@@ -25,6 +25,6 @@ Seed = Annotated[int, typer.Option(help="Of everything random. Compare equal see
 def check_limits(time_limit: float, seed: int) -> None:
     """Refuses what no run can have."""
     if not 0.0 < time_limit < float("inf"):
-        raise Refused(f"--time-limit {time_limit:g}: seconds above 0 are meant")
+        raise InputError(f"--time-limit {time_limit:g}: seconds above 0 are meant")
     if not -(2**31) <= seed < 2**31:
-        raise Refused(f"--seed {seed}: must fit 32 bits")
+        raise InputError(f"--seed {seed}: must fit 32 bits")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from drpbench.errors import Refused
+from drpbench.errors import InputError
 
 if TYPE_CHECKING:
     from drpbench.recording import Recorder
@@ -29,7 +29,7 @@ def parse_count(text: str | None) -> int | None:
     if text in (None, "all"):
         return None
     if not text.isdecimal() or int(text) < 1:
-        raise Refused(f"--record {text}: how many of each task is meant (5), or nothing for all")
+        raise InputError(f"--record {text}: how many of each task is meant (5), or nothing for all")
     return int(text)
 
 
@@ -84,7 +84,7 @@ def replay(
         _say_what_it_is(result)
         return
     if (id is None) == (grid is None):
-        raise Refused("say which episode with --id 17, or how many for one video with --grid 16")
+        raise InputError("say which episode with --id 17, or how many for one video with --grid 16")
     from drpbench.compile import use_cache
 
     use_cache()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from drpbench.errors import Refused
+from drpbench.errors import InputError
 
 if TYPE_CHECKING:
     from drpbench.results import Result
@@ -29,9 +29,9 @@ def report(
 ) -> None:
     """Write one HTML file on results: leaderboard, charts, failures. A report that is there is replaced."""
     if out.suffix.lower() not in (".html", ".htm"):
-        raise Refused(f"--out {out}: the report must end in .html")
+        raise InputError(f"--out {out}: the report must end in .html")
     if thumbnails is not None and thumbnails < 0:
-        raise Refused(f"--thumbnails {thumbnails}: must not be negative; 0 is none")
+        raise InputError(f"--thumbnails {thumbnails}: must not be negative; 0 is none")
     from drpbench.leaderboard import build, load_dir
     from drpbench.problems import counts
     from drpbench.report.page import write_report

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from drpbench.errors import Refused
+from drpbench.errors import InputError
 
 
 def submit(
@@ -27,7 +27,7 @@ def submit(
 
     names = [str(path) for path in results]
     if len(set(names)) < len(names):
-        raise Refused(f"a file is named twice: {' '.join(names)}")
+        raise InputError(f"a file is named twice: {' '.join(names)}")
     found = assess({name: load(name) for name in names}, load_dir(shipped_results()))
     places = [
         (standing.task, f"place {standing.place} of {standing.of}" + _behind(standing.ahead))
@@ -66,9 +66,9 @@ def verify(
     Exit code 0 where every verdict is the same, 1 where one is not.
     """
     if sample < 1:
-        raise Refused(f"--sample {sample}: must be at least 1")
+        raise InputError(f"--sample {sample}: must be at least 1")
     if seed < 0:
-        raise Refused(f"--seed {seed}: must not be negative")
+        raise InputError(f"--seed {seed}: must not be negative")
     from drpbench.results import load
 
     was = load(result)

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from drpbench.errors import Refused
+from drpbench.errors import InputError
 
 from .options import TASK_NAMES, PolicyArguments, PolicyName, Seed, TimeLimit, check_limits
 
@@ -24,20 +24,20 @@ def view(
     """Watch a policy in the browser, and put things in its way (extra `viewer`)."""
     name = task.strip().upper()
     if name not in TASK_NAMES:
-        raise Refused(f"no task {task!r}; there are: {', '.join(TASK_NAMES)}")
+        raise InputError(f"no task {task!r}; there are: {', '.join(TASK_NAMES)}")
     if not 0 < port < 65536:
-        raise Refused(f"--port {port}: a number from 1 to 65535 is meant")
+        raise InputError(f"--port {port}: a number from 1 to 65535 is meant")
     check_limits(time_limit, seed)
     try:
         import viser  # noqa: F401
     except ImportError:
-        raise Refused(
+        raise InputError(
             "the viewer needs viser, which is not installed: pip install 'drpbench[viewer]'"
         ) from None
     from drpbench.problems import counts
 
     if not 0 <= id < counts()[name]:
-        raise Refused(
+        raise InputError(
             f"--id {id}: no such problem in {name}; ids go from 0 to {counts()[name] - 1}"
         )
 

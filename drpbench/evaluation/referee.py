@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drpbench.contract import CONTROL_PERIOD
+from drpbench.errors import DrpbenchError
 from drpbench.leaderboard import wilson
 from drpbench.problems import ProblemSet
 from drpbench.results import Result, Row
@@ -32,7 +33,7 @@ DEEPEST_MISSED = 0.005  # [m] a contact deeper than this must not be missed
 _STANDS_OUT = (0.005, 0.010, 0.015)  # [m] bounds of the classes of true clearance
 
 
-class RefereeError(ValueError):
+class RefereeError(DrpbenchError):
     """Episodes cannot be judged; the message is one line."""
 
 

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from itertools import combinations, pairwise
 from pathlib import Path
 
+from drpbench.errors import DrpbenchError
 from drpbench.results import Header, Result, Row, load
 
 from .statistics import Paired, paired, wilson
 
 
-class LeaderboardError(ValueError):
+class LeaderboardError(DrpbenchError):
     """The results cannot stand on one leaderboard; the message is one line."""
 
 

@@ -7,10 +7,12 @@ from pathlib import Path
 import jax
 import orbax.checkpoint as ocp
 
+from drpbench.errors import DrpbenchError
+
 from .pretraining import TrainingState
 
 
-class CheckpointError(ValueError):
+class CheckpointError(DrpbenchError):
     """A folder whose checkpoints are missing, damaged, or of another network."""
 
 

@@ -17,13 +17,14 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from drpbench.errors import DrpbenchError
 from drpbench.geometry import Primitives, quaternion_to_matrix
 
 FORMAT = 1
 MANIFEST = "manifest.json"
 
 
-class DataError(ValueError):
+class DataError(DrpbenchError):
     """A folder of demonstrations that is missing, damaged, or of another kind."""
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from drpbench.errors import DrpbenchError
 from drpbench.evaluation.run import device_name
 from drpbench.policies.networks.impact import SIZES
 from drpbench.policies.networks.impact_policy import Impact
@@ -30,7 +31,7 @@ from .validation import Score, Validation
 _MAY_CHANGE = ("steps", "learning_rate")  # when a run is resumed: it goes on along the new schedule
 
 
-class TrainingError(ValueError):
+class TrainingError(DrpbenchError):
     """A run that cannot begin or go on as asked; the message says what would be right."""
 
 

@@ -4,11 +4,13 @@ import sysconfig
 import traceback
 from pathlib import Path
 
+from drpbench.errors import DrpbenchError
+
 _OURS = str(Path(__file__).parents[1])
 _NOT_THEIRS = (_OURS, "<frozen", *{sysconfig.get_path(key) for key in ("stdlib", "purelib")})
 
 
-class PolicyError(ValueError):
+class PolicyError(DrpbenchError):
     """A policy cannot be found, made or reached; the message is one line."""
 
 

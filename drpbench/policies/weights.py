@@ -19,6 +19,8 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as serialised
 
+from drpbench.errors import DrpbenchError
+
 from .networks.impact import ImpactSize, shapes
 from .networks.impact_policy import Impact
 
@@ -29,7 +31,7 @@ FACTS = ("data", "steps", "hardware", "scores", "licence")
 """What a model card must say."""
 
 
-class WeightsError(ValueError):
+class WeightsError(DrpbenchError):
     """A file of weights that is absent, damaged or not IMPACT's; the message is one line."""
 
 

@@ -15,13 +15,15 @@ from pathlib import Path
 
 import numpy as np
 
+from drpbench.errors import DrpbenchError
+
 DATA = Path(__file__).parent / "data"
 PROBLEM_SET = "drpbench-v1"
 TASKS = ("SE", "SAO", "FDO", "GB", "DGB")
 _SHAPES = ("box", "cylinder", "sphere")
 
 
-class ProblemSetError(ValueError):
+class ProblemSetError(DrpbenchError):
     """The set, the task or the number asked for is not there, or the data are damaged."""
 
 

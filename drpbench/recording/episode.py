@@ -12,13 +12,14 @@ import numpy as np
 from drpbench.compile import jit
 from drpbench.contract import Movers, Problem
 from drpbench.envs import TASKS, State, World
+from drpbench.errors import DrpbenchError
 from drpbench.problems import ProblemSet
 from drpbench.rollout.batch import Trace, instance_key, take
 
 Instant = TypeVar("Instant", int, np.ndarray)
 
 
-class RecordingError(ValueError):
+class RecordingError(DrpbenchError):
     """An episode cannot be recorded or drawn; the message is one line."""
 
 

@@ -28,6 +28,8 @@ from pydantic import (
     model_validator,
 )
 
+from drpbench.errors import DrpbenchError
+
 SCHEMA_VERSION = 1
 
 VERSIONED = ("drpbench", "python", "jax", "jaxlib", "mujoco", "mujoco-mjx", "numpy")
@@ -38,7 +40,7 @@ Name = Annotated[str, Field(min_length=1)]
 Metres = NonNegativeFloat
 
 
-class ResultsError(ValueError):
+class ResultsError(DrpbenchError):
     """A result file cannot be read, written or resumed; the message is one line."""
 
 

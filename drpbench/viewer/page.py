@@ -12,7 +12,7 @@ import rich
 import viser
 
 from drpbench.contract import CONTROL_PERIOD, CONTROL_STEPS
-from drpbench.errors import Refused
+from drpbench.errors import InputError
 
 from .drawing import Drawing
 from .panel import Panel
@@ -27,7 +27,7 @@ class Page:
     """Everything that happens, happens in `run`'s thread; browsers only leave their wishes."""
 
     def __init__(self, simulation: Simulation, policy: str, host: str, port: int):
-        """Serves from now on. Raises Refused where the address cannot be had."""
+        """Serves from now on. Raises InputError where the address cannot be had."""
         self._simulation = simulation
         self._wishes: queue.SimpleQueue[tuple[str, tuple[Any, ...]]] = queue.SimpleQueue()
         self._server = _server(host, port)
@@ -207,7 +207,7 @@ def _server(host: str, port: int) -> viser.ViserServer:
             probe.bind(place)
     except OSError as error:
         if error.errno != errno.EADDRINUSE:
-            raise Refused(
+            raise InputError(
                 f"--host {host} --port {port}: cannot be had ({error.strerror or error}); "
                 f"--host 127.0.0.1 with a port above 1023 usually can"
             ) from None

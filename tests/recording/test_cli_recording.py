@@ -6,7 +6,7 @@ import pytest
 
 from drpbench.cli import app as cli
 from drpbench.cli.recording import parse_count, with_all
-from drpbench.errors import Refused
+from drpbench.errors import InputError
 from drpbench.results import save
 
 
@@ -27,7 +27,7 @@ def test_record_alone_means_all(given, meant):
 def test_a_count_is_a_number_above_zero():
     assert parse_count("5") == 5 and parse_count("all") is None and parse_count(None) is None
     for wrong in ("0", "-1", "five", "1.5"):
-        with pytest.raises(Refused, match="--record"):
+        with pytest.raises(InputError, match="--record"):
             parse_count(wrong)
 
 

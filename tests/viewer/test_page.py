@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from drpbench.errors import Refused
+from drpbench.errors import InputError
 
 viser = pytest.importorskip("viser", reason="viser is not installed (extra `viewer`)")
 from drpbench.viewer.page import (  # noqa: E402
@@ -198,7 +198,7 @@ def test_a_port_that_is_taken_gives_way_to_the_next(compiled):
 
 
 def test_an_address_that_is_not_this_machines_is_refused(compiled):
-    with pytest.raises(Refused, match=r"--host 192\.0\.2\.1 --port 8080"):
+    with pytest.raises(InputError, match=r"--host 192\.0\.2\.1 --port 8080"):
         Page(compiled, "x", "192.0.2.1", 8080)
 
 
