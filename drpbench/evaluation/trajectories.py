@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .result_names import batches_folder, trajectories_file
 from .results import ResultsError
 from .rollout import Trace
 
@@ -16,7 +17,7 @@ from .rollout import Trace
 class Trajectories:
     """Joint positions and moving obstacles of every episode of a run.
 
-    The file `x.npz` beside `x.json` holds, for an instance with key `FDO-17`:
+    The file `x.npz` beside `x.json` or `x.json.gz` holds, for an instance with key `FDO-17`:
 
         FDO-17/joint_position   (T + 1, 7) float32 [rad], the start first
         FDO-17/joint_velocity   (T, 7) float32 [rad/s], at the end of each control step
@@ -29,8 +30,8 @@ class Trajectories:
     """
 
     def __init__(self, out: Path):
-        self.path = out.with_suffix(".npz")
-        self.folder = out.with_suffix(".trajectories")
+        self.path = trajectories_file(out)
+        self.folder = batches_folder(out)
         self.folder.mkdir(parents=True, exist_ok=True)
 
     def add(self, task: str, ids: list[int], trace: Trace) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from drpbench.evaluation import LANES, Header, Result, Row
 from drpbench.evaluation.rerun import rerun
+from drpbench.evaluation.result_names import trajectories_file
 from drpbench.evaluation.rollout import Trace
 from drpbench.evaluation.run import device_name, versions
 from drpbench.evaluation.submission import check
@@ -36,7 +37,7 @@ class Replay:
 class Replayer:
     """Episodes of the result in the file `path`.
 
-    Beside it `path` with suffix .npz is looked for, as `drpbench run --save-trajectories` writes it. What
+    Beside it a file of trajectories is looked for, as `drpbench run --save-trajectories` writes it. What
     is not in there is run again with the same policy, parameters, seed and batch size. `advanced` is told of
     control steps done. Raises ResultsError where the result is wrong (see `submission.check`), or was made on
     other problems than those of this drpbench.
@@ -49,7 +50,7 @@ class Replayer:
         advanced: Callable[[int], None] = lambda steps: None,
     ):
         self.result, self.path, self.advanced = result, path, advanced
-        self.recorded = path.with_suffix(".npz")
+        self.recorded = trajectories_file(path)
         check(str(path), result)
         self.problems = {task: load_problems(task) for task in result.header.tasks}
 

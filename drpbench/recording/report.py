@@ -17,6 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from drpbench.evaluation.leaderboard import Cell, Entry, Leaderboard, build
+from drpbench.evaluation.result_names import recordings_folder
 from drpbench.evaluation.results import Result, ResultsError
 from drpbench.evaluation.tables import ABSENT, ALL, MEASURES, PAIRED, PARTIAL, PRIVILEGED
 
@@ -47,7 +48,7 @@ def write_report(
         ResultsError: the file cannot be written.
     """
     path, folder = Path(path), Path(folder)
-    beside = {name: kept((folder / name).with_suffix(""), path.parent) for name in results}
+    beside = {name: kept(recordings_folder(folder / name), path.parent) for name in results}
     page = render(results, expected, folder, beside, pictures)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:

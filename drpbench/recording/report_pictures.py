@@ -10,6 +10,7 @@ import numpy as np
 from PIL import Image
 
 from drpbench.evaluation.errors import PolicyError
+from drpbench.evaluation.result_names import trajectories_file
 from drpbench.evaluation.results import Result, ResultsError, Row
 from drpbench.evaluation.trajectories import load_trajectories
 from drpbench.policies.weights import WeightsError
@@ -98,7 +99,7 @@ def _wanted(
     """The file and row of each failure to draw."""
     usable: dict[str, dict[tuple[str, int], tuple[str, Row]]] = {}
     for name, result in results.items():
-        rows, saved = result.rows, (folder / name).with_suffix(".npz")
+        rows, saved = result.rows, trajectories_file(folder / name)
         if not again:
             try:
                 recorded = load_trajectories(saved) if saved.is_file() else ()
