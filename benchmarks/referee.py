@@ -25,6 +25,7 @@ from drpbench.evaluation.referee import (
 )
 from drpbench.planning.checker import sphere_checker
 from drpbench.problems import counts, load
+from drpbench.results.names import trajectories_file
 from drpbench.results.trajectories import load_trajectories
 
 
@@ -46,7 +47,7 @@ def judged(policy: str, per_task: int, seed: int) -> tuple[list[Judgement], list
         out = Path(folder) / "run.json"
         request = Request(policy=policy, problems=ids, out=out, seed=seed, save_trajectories=True)
         result = run(request, Quiet())
-        recorded = load_trajectories(out.with_suffix(".npz"))
+        recorded = load_trajectories(trajectories_file(out))
     problems = {task: load(task) for task in ids}
     spheres = sphere_checker(MARGIN)
     by_spheres = [

@@ -1,5 +1,6 @@
 """The command line as a user meets it: in a process of its own."""
 
+import gzip
 import json
 import os
 import signal
@@ -8,6 +9,8 @@ import sys
 import time
 
 import pytest
+
+from drpbench.robot import NO_MESHES, find_mesh_model
 
 RUN = ["run", "--task", "FDO", "--policy", "hold", "--problems", "0-5", "--batch-size", "2"]
 COMPILES = 400  # [s] generous: compiling takes most of it
@@ -62,7 +65,8 @@ def test_help_imports_nothing_heavy():
         (["run", "--task", "FDO", "--problems", "5,5"], "twice", ""),
         (["run", "--task", "FDO", "--problems", "9-99999"], "no problem", "ids go from 0"),
         (["run", "--task", "FDO", "--batch-size", "0"], "--batch-size 0", "at least 1"),
-        (["run", "--task", "FDO", "--out", "x.txt"], "x.txt", ".json"),
+        (["run", "--task", "FDO", "--out", "x.txt"], "x.txt", ".json or .json.gz"),
+        (["run", "--task", "FDO", "--out", "x.gz"], "x.gz", ".json or .json.gz"),
         (["problems", "show", "FDO", "100000"], "100000", "ids go from 0"),
         (["problems", "show", "XYZ", "1"], "XYZ", "FDO"),
         (["leaderboard", "nowhere"], "nowhere", ""),
@@ -117,15 +121,19 @@ def test_a_run_without_out_finds_a_name_of_its_own(tmp_path):
         assert default_out("rmp", ["FDO"], False).name == "rmp-FDO-2.json"
         (tmp_path / "runs" / "rmp-FDO-2.json.partial").touch()
         assert default_out("rmp", ["FDO"], True).name == "rmp-FDO-2.json"
+        (tmp_path / "runs" / "rmp-FDO-2.json.gz").touch()
+        assert default_out("rmp", ["FDO"], False).name == "rmp-FDO-3.json"
+        (tmp_path / "runs" / "rmp-FDO-3.json.gz.partial").touch()
+        assert default_out("rmp", ["FDO"], True).name == "rmp-FDO-3.json.gz"
     finally:
         os.chdir(here)
 
 
 def test_a_killed_run_resumes_to_the_same_rows(finished, tmp_path):
     folder, _ = finished
-    command = [sys.executable, "-m", "drpbench", *RUN, "--out", "killed.json"]
+    command = [sys.executable, "-m", "drpbench", *RUN, "--out", "killed.json.gz"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL)
-    partial = tmp_path / "killed.json.partial"
+    partial = tmp_path / "killed.json.gz.partial"
     deadline = time.monotonic() + COMPILES
     while time.monotonic() < deadline and process.poll() is None:
         if partial.exists() and partial.read_bytes().count(b'"position_error"') >= 2:
@@ -135,14 +143,14 @@ def test_a_killed_run_resumes_to_the_same_rows(finished, tmp_path):
     process.send_signal(signal.SIGKILL)
     process.wait()
     kept = partial.read_bytes().count(b'"position_error"')
-    assert 2 <= kept < 6 and not (tmp_path / "killed.json").exists()
+    assert 2 <= kept < 6 and not (tmp_path / "killed.json.gz").exists()
 
-    refused = drpbench(*RUN, "--out", "killed.json", cwd=tmp_path)
+    refused = drpbench(*RUN, "--out", "killed.json.gz", cwd=tmp_path)
     assert refused.returncode == 2 and "--resume" in refused.stderr
-    resumed = drpbench(*RUN, "--out", "killed.json", "--resume", cwd=tmp_path)
+    resumed = drpbench(*RUN, "--out", "killed.json.gz", "--resume", cwd=tmp_path)
     assert resumed.returncode == 0, resumed.stderr
     whole = json.loads((folder / "whole.json").read_text())
-    again = json.loads((tmp_path / "killed.json").read_text())
+    again = json.loads(gzip.decompress((tmp_path / "killed.json.gz").read_bytes()))
     assert again["rows"] == whole["rows"]
 
 
@@ -155,6 +163,18 @@ def test_trajectories_lie_beside_the_result(finished):
     assert found["FDO-0"]["joint_position"].shape == (1001, 7)
     assert found["FDO-0"]["mover_position"].shape == (1000, 3, 3)
     assert not (folder / "whole.trajectories").exists()
+
+
+@pytest.mark.skipif(find_mesh_model() is None, reason=NO_MESHES)
+def test_the_referee_finds_the_trajectories_of_a_compressed_result(finished, tmp_path):
+    folder, _ = finished
+    packed = gzip.compress((folder / "whole.json").read_bytes())
+    (tmp_path / "whole.json.gz").write_bytes(packed)
+    absent = drpbench("referee", "whole.json.gz", cwd=tmp_path)
+    assert absent.returncode == 2 and "whole.npz: not there" in absent.stderr
+    (tmp_path / "whole.npz").write_bytes((folder / "whole.npz").read_bytes())
+    shown = drpbench("referee", "whole.json.gz", cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
 
 
 def test_a_damaged_result_is_one_line(finished, tmp_path):

@@ -95,15 +95,17 @@ def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
 def default_out(policy: str, tasks: list[str], resume: bool) -> Path:
     """`runs/rmp-FDO.json`, or the first of `runs/rmp-FDO-2.json`, ... that no earlier run has.
 
-    To resume, the latest that is unfinished.
+    To resume, the latest that is unfinished, be it to end plain or compressed.
     """
+    from drpbench.results.names import forms, log_file
+
     tag = "all" if len(tasks) == len(TASK_NAMES) else "-".join(tasks)
     policy = policy.replace("/", "_").replace(":", "-")  # a policy may name a file or a module
     names = [Path("runs") / f"{policy}-{tag}.json"]
-    while names[-1].exists():
+    while any(form.exists() for form in forms(names[-1])):
         names.append(Path("runs") / f"{policy}-{tag}-{len(names) + 1}.json")
     if resume:
-        unfinished = [name for name in names if name.with_name(name.name + ".partial").exists()]
+        unfinished = [form for name in names for form in forms(name) if log_file(form).exists()]
         return (unfinished or names)[-1]
     return names[-1]
 
@@ -119,7 +121,8 @@ def run(
     ] = None,
     seed: Seed = 0,
     out: Annotated[
-        Path | None, typer.Option(help="Result file [default: runs/POLICY-TASK.json]")
+        Path | None,
+        typer.Option(help="Result file; .json.gz compresses it [default: runs/POLICY-TASK.json]"),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished run.")] = False,
     batch_size: Annotated[
@@ -144,12 +147,13 @@ def run(
     check_limits(time_limit, seed)
     recorded = cli_recording.parse_count(record)
     from drpbench.problems import counts
+    from drpbench.results.names import is_result
 
     sizes = counts()
     wanted = {name: parse_problems(problems, name, sizes[name]) for name in names}
     out = out or default_out(policy, names, resume)
-    if out.suffix != ".json":
-        raise InputError(f"--out {out}: the result file must end in .json")
+    if not is_result(out):
+        raise InputError(f"--out {out}: the result file must end in .json or .json.gz")
 
     from drpbench.compile import use_cache
 
@@ -327,12 +331,13 @@ def referee(
     from drpbench.evaluation.referee import agreement, judgements
     from drpbench.problems import load as load_problems
     from drpbench.results import load
+    from drpbench.results.names import trajectories_file
     from drpbench.results.trajectories import load_trajectories
 
     from .terminal import listing
 
     run = load(result)
-    recorded = result.with_suffix(".npz")
+    recorded = trajectories_file(result)
     if not recorded.is_file():
         raise InputError(f"{recorded}: not there; run again with --save-trajectories")
     try:

@@ -42,10 +42,11 @@ def recorder(
     """What a run shows its batches to, to have MCAP files in a folder beside `out`: of the first `count`
     of the instances wanted of each task (None: all of a task that has so many in all)."""
     from drpbench.recording import Recorder
+    from drpbench.results.names import recordings_folder
 
     ids = {task: range(sizes[task]) if ids is None else ids for task, ids in wanted.items()}
     only = {task: set(some[:count]) for task, some in ids.items()}
-    return Recorder(out.with_suffix(""), only, out)
+    return Recorder(recordings_folder(out), only, out)
 
 
 def _say_what_it_is(path: Path) -> None:
@@ -92,9 +93,10 @@ def replay(
 
     from drpbench.recording import Recorder, Replayer
     from drpbench.results import load
+    from drpbench.results.names import recordings_folder
 
     run = load(result)
-    header, folder = run.header, out or result.with_suffix("")
+    header, folder = run.header, out or recordings_folder(result)
     console = Console()
     with console.status("replaying") as status:
         done = 0

@@ -51,7 +51,9 @@ def report(
 def _pictures(
     results: Mapping[str, "Result"], folder: Path, thumbnails: int | None
 ) -> Mapping[tuple[str, str, int], str]:
-    saved = any((folder / name).with_suffix(".npz").is_file() for name in results)
+    from drpbench.results.names import trajectories_file
+
+    saved = any(trajectories_file(folder / name).is_file() for name in results)
     if thumbnails == 0 or (thumbnails is None and not saved):
         return {}
     from rich.console import Console

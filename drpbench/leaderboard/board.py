@@ -13,6 +13,7 @@ from pathlib import Path
 
 from drpbench.errors import DrpbenchError
 from drpbench.results import Header, Result, Row, load
+from drpbench.results.names import forms, is_result
 
 from .statistics import Paired, paired, wilson
 
@@ -89,19 +90,25 @@ class Leaderboard:
 
 
 def load_dir(folder: str | os.PathLike[str]) -> dict[str, Result]:
-    """Reads every ``*.json`` of a folder, by file name.
+    """Reads every result file of a folder, by file name.
 
     Raises:
         ResultsError: a file is damaged (none is skipped).
-        LeaderboardError: the folder is missing or holds no result file.
+        LeaderboardError: the folder is missing, holds no result file, or one both plain and
+            compressed.
     """
     folder = Path(folder)
     if not folder.is_dir():
         told = "is no folder; one of result files is meant" if folder.exists() else "no such folder"
         raise LeaderboardError(f"{folder}: {told}")
-    files = sorted(folder.glob("*.json"))
+    files = sorted(file for file in folder.iterdir() if is_result(file))
     if not files:
-        raise LeaderboardError(f"{folder}: holds no result file (*.json)")
+        raise LeaderboardError(f"{folder}: holds no result file (*.json or *.json.gz)")
+    for plain, compressed in map(forms, files):
+        if plain in files and compressed in files:
+            raise LeaderboardError(
+                f"{folder}: holds both {plain.name} and {compressed.name}; remove one"
+            )
     return {file.name: load(file) for file in files}
 
 

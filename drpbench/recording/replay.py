@@ -14,6 +14,7 @@ from drpbench.evaluation.run import device_name, versions
 from drpbench.leaderboard.submission import check
 from drpbench.problems import load as load_problems
 from drpbench.results import Header, Result, Row
+from drpbench.results.names import trajectories_file
 from drpbench.results.trajectories import load_trajectories
 from drpbench.rollout import LANES
 from drpbench.rollout.batch import Trace
@@ -37,7 +38,7 @@ class Replay:
 class Replayer:
     """Episodes of the result in the file `path`.
 
-    Beside it `path` with suffix .npz is looked for, as `drpbench run --save-trajectories` writes it. What
+    Beside it a file of trajectories is looked for, as `drpbench run --save-trajectories` writes it. What
     is not in there is run again with the same policy, parameters, seed and batch size. `advanced` is told of
     control steps done. Raises ResultsError where the result is wrong (see `submission.check`), or was made on
     other problems than those of this drpbench.
@@ -50,7 +51,7 @@ class Replayer:
         advanced: Callable[[int], None] = lambda steps: None,
     ):
         self.result, self.path, self.advanced = result, path, advanced
-        self.recorded = path.with_suffix(".npz")
+        self.recorded = trajectories_file(path)
         check(str(path), result)
         self.problems = {task: load_problems(task) for task in result.header.tasks}
 

@@ -20,6 +20,7 @@ from drpbench.leaderboard import Leaderboard, build
 from drpbench.leaderboard.board import Cell, Entry
 from drpbench.leaderboard.tables import ABSENT, ALL, MEASURES, PAIRED, PARTIAL, PRIVILEGED
 from drpbench.results import Result, ResultsError
+from drpbench.results.names import recordings_folder
 
 from .figures import figures
 from .recordings import Instance, Kept, kept
@@ -48,7 +49,7 @@ def write_report(
         ResultsError: the file cannot be written.
     """
     path, folder = Path(path), Path(folder)
-    beside = {name: kept((folder / name).with_suffix(""), path.parent) for name in results}
+    beside = {name: kept(recordings_folder(folder / name), path.parent) for name in results}
     page = render(results, expected, folder, beside, pictures)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:

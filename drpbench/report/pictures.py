@@ -15,6 +15,7 @@ from drpbench.recording import RecordingError, Replayer, motion
 from drpbench.recording.offscreen import choose_platform
 from drpbench.recording.stage import Stage
 from drpbench.results import Result, ResultsError, Row
+from drpbench.results.names import trajectories_file
 from drpbench.results.trajectories import load_trajectories
 
 from .figures import reason
@@ -96,7 +97,7 @@ def _wanted(
     """The file and row of each failure to draw."""
     usable: dict[str, dict[tuple[str, int], tuple[str, Row]]] = {}
     for name, result in results.items():
-        rows, saved = result.rows, (folder / name).with_suffix(".npz")
+        rows, saved = result.rows, trajectories_file(folder / name)
         if not again:
             try:
                 recorded = load_trajectories(saved) if saved.is_file() else ()

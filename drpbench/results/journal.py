@@ -1,7 +1,8 @@
 """The log of a run in progress: rows are safe as soon as they are appended.
 
-A run that will end as ``x.json`` keeps ``x.json.partial`` meanwhile: JSON lines, the header
-first, then one line per row, and before each block of rows a line with the seconds spent on it.
+A run that will end as ``x.json`` keeps ``x.json.partial`` meanwhile, one that will end compressed as
+``x.json.gz`` keeps ``x.json.gz.partial``: plain JSON lines, the header first, then one line per row,
+and before each block of rows a line with the seconds spent on it.
 Every block is flushed to the disk before :meth:`Journal.append` returns, so a run killed at any
 moment resumes with every appended row and repeats none.
 """
@@ -15,6 +16,8 @@ from pathlib import Path
 from typing import Self
 
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat, ValidationError
+
+from drpbench.results.names import forms, log_file
 
 from .schema import Header, Result, ResultsError, Row, describe, load, reason, save
 
@@ -60,9 +63,11 @@ class Journal:
         """Begins a run that will end as ``path``.
 
         Raises:
-            ResultsError: the result file or its log exists, or cannot be written.
+            ResultsError: the result file or its log exists, as it is named or in its other form,
+                or cannot be written.
         """
         path, partial = _paths(path)
+        _require_no_other_form(path)
         if path.exists():
             raise ResultsError(f"{path}: exists; nothing overwritten. Name another file with --out")
         if partial.exists():
@@ -92,9 +97,11 @@ class Journal:
                 moves a number.
 
         Raises:
-            ResultsError: the stored run is damaged, in use, or was made with other settings.
+            ResultsError: the stored run is damaged, in use, in its other form, or was made with
+                other settings.
         """
         path, partial = _paths(path)
+        _require_no_other_form(path)
         try:
             file = partial.open("r+b", buffering=0)
         except FileNotFoundError:
@@ -199,8 +206,11 @@ class Journal:
         if self.finished:
             return result
         path, partial = _paths(self.path)
-        if path.exists():
-            raise ResultsError(f"{path}: appeared during the run; not overwritten, rows: {partial}")
+        for form in forms(path):
+            if form.exists():
+                raise ResultsError(
+                    f"{form}: appeared during the run; not overwritten, rows: {partial}"
+                )
         save(result, path)
         # Removed before the lock is let go, so that nobody resumes a finished run's log.
         partial.unlink(missing_ok=True)
@@ -253,8 +263,24 @@ class _Refused(ValueError):
 
 
 def _paths(path: str | os.PathLike[str]) -> tuple[Path, Path]:
-    path = Path(path)
-    return path, path.with_name(path.name + ".partial")
+    return Path(path), log_file(path)
+
+
+def _require_no_other_form(path: Path) -> None:
+    # Trajectories and recordings of x.json and x.json.gz would have the same names.
+    for form in forms(path):
+        if form == path:
+            continue
+        if form.exists():
+            raise ResultsError(
+                f"{form}: exists; {path.name} beside it would be the same result twice."
+                " Name another file with --out"
+            )
+        if log_file(form).exists():
+            raise ResultsError(
+                f"{log_file(form)}: holds an unfinished run; continue it with --resume --out {form},"
+                " or name another file with --out"
+            )
 
 
 def _line(record: BaseModel) -> bytes:

@@ -1,4 +1,4 @@
-"""The result file: one JSON per run, a header and one row per problem instance.
+"""The result file: one JSON per run, plain or compressed, a header and one row per problem instance.
 
 Every figure the project publishes is recomputed from rows, so a row holds what was measured and
 nothing aggregated. The models are strict: no unknown field, no NaN or infinity, no string where
@@ -10,11 +10,13 @@ The published JSON Schema beside this file, ``result.schema.json``, is the outpu
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
+import zlib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, BinaryIO, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -29,8 +31,12 @@ from pydantic import (
 )
 
 from drpbench.errors import DrpbenchError
+from drpbench.results.names import is_compressed
 
 SCHEMA_VERSION = 1
+
+LARGEST = 256_000_000
+"""[bytes] What a result file may hold, uncompressed; a run of all problems holds 2 MB."""
 
 VERSIONED = ("drpbench", "python", "jax", "jaxlib", "mujoco", "mujoco-mjx", "numpy")
 """The software whose version moves a number; a header names each."""
@@ -196,21 +202,36 @@ def load(path: str | os.PathLike[str]) -> Result:
     """Reads and checks a result file.
 
     Raises:
-        ResultsError: the file is missing, not JSON, of another schema version, or a field is
-            missing, of the wrong kind or at odds with another; the message names file and field.
+        ResultsError: the file is missing, damaged, too large, not JSON, of another schema version,
+            or a field is missing, of the wrong kind or at odds with another; the message names
+            file and field.
     """
-    try:
-        text = Path(path).read_bytes()
-    except OSError as error:
-        raise ResultsError(f"{path}: cannot be read: {reason(error)}") from None
+    text = _read(path)
     try:
         return Result.model_validate_json(text)
     except ValidationError as error:
         raise ResultsError(f"{path}: {describe(error)}") from None
 
 
+def _read(path: str | os.PathLike[str]) -> bytes:
+    try:
+        with gzip.open(path) if is_compressed(path) else open(path, "rb") as file:
+            text = file.read(LARGEST + 1)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise ResultsError(f"{path}: is not gzip, or damaged ({error})") from None
+    except OSError as error:
+        raise ResultsError(f"{path}: cannot be read: {reason(error)}") from None
+    if len(text) > LARGEST:
+        raise ResultsError(
+            f"{path}: holds more than {LARGEST / 1e6:g} MB, which no result file does"
+        )
+    return text
+
+
 def save(result: Result, path: str | os.PathLike[str]) -> None:
-    """Writes a result file whole or not at all, with one row a line.
+    """Writes a result file whole or not at all, with one row a line; compressed as its name says.
+
+    The same result is written as the same bytes (compressed: by the same zlib).
 
     Raises:
         ResultsError: the file cannot be written.
@@ -220,8 +241,8 @@ def save(result: Result, path: str | os.PathLike[str]) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with temporary.open("w", encoding="utf-8") as file:
-                file.writelines(_lines(result))
+            with temporary.open("wb") as file:
+                _write(file, "".join(_lines(result)).encode(), is_compressed(path))
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(temporary, path)
@@ -229,6 +250,15 @@ def save(result: Result, path: str | os.PathLike[str]) -> None:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         raise ResultsError(f"{path}: cannot be written: {reason(error)}") from None
+
+
+def _write(file: BinaryIO, text: bytes, compressed: bool) -> None:
+    if not compressed:
+        file.write(text)
+        return
+    # Neither name nor time in gzip's header: the bytes are the content's alone.
+    with gzip.GzipFile("", "wb", compresslevel=9, fileobj=file, mtime=0) as packed:
+        packed.write(text)
 
 
 def _lines(result: Result) -> Iterable[str]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drpbench.results.names import batches_folder, trajectories_file
 from drpbench.rollout.batch import Trace
 
 from .schema import ResultsError
@@ -17,7 +18,7 @@ from .schema import ResultsError
 class Trajectories:
     """Joint positions and moving obstacles of every episode of a run.
 
-    The file `x.npz` beside `x.json` holds, for an instance with key `FDO-17`:
+    The file `x.npz` beside `x.json` or `x.json.gz` holds, for an instance with key `FDO-17`:
 
         FDO-17/joint_position   (T + 1, 7) float32 [rad], the start first
         FDO-17/joint_velocity   (T, 7) float32 [rad/s], at the end of each control step
@@ -30,8 +31,8 @@ class Trajectories:
     """
 
     def __init__(self, out: Path):
-        self.path = out.with_suffix(".npz")
-        self.folder = out.with_suffix(".trajectories")
+        self.path = trajectories_file(out)
+        self.folder = batches_folder(out)
         self.folder.mkdir(parents=True, exist_ok=True)
 
     def add(self, task: str, ids: list[int], trace: Trace) -> None:

@@ -33,11 +33,11 @@ def shipped():
 @pytest.fixture(scope="module")
 def fdo(shipped):
     """Rows of `straight` on FDO, a few of each verdict, none of them by a hair."""
-    rows = [r for r in shipped["straight.json"].rows if r.task == "FDO"]
+    rows = [r for r in shipped["straight.json.gz"].rows if r.task == "FDO"]
     clear = [row for row in rows if abs(row.min_clearance) > 0.01]
     few = [row for row in clear if row.success][:4] + [row for row in clear if row.collided][:4]
     few = sorted(few, key=lambda row: row.id)
-    header = shipped["straight.json"].header.model_dump()
+    header = shipped["straight.json.gz"].header.model_dump()
     header |= {"tasks": ["FDO"], "problems": {"FDO": [row.id for row in few]}}
     return Result(header=Header(**header), rows=few)
 
@@ -123,7 +123,7 @@ def test_an_invented_success_is_found(fdo, again):
 
 
 def test_rows_are_drawn_by_the_seed(shipped):
-    result = shipped["rmp.json"]
+    result = shipped["rmp.json.gz"]
     drawn = sample(result, 50, 0)
     assert sum(map(len, drawn.values())) == 50
     assert list(drawn) == [task for task in result.header.tasks if task in drawn]
@@ -142,7 +142,7 @@ def test_it_runs_as_it_was_run(fdo, again):
     assert len(request.problems["FDO"]) == 5
 
 
-@pytest.mark.parametrize("name", ["rmp.json", "straight+dcp-rmp.json", "hold.json"])
+@pytest.mark.parametrize("name", ["rmp.json.gz", "straight+dcp-rmp.json.gz", "hold.json.gz"])
 def test_a_policy_with_its_usual_parameters_needs_no_argument(shipped, again, name):
     requests = again(shipped[name])
     verify(name, shipped[name], 5, 0, Silent())
@@ -150,10 +150,10 @@ def test_a_policy_with_its_usual_parameters_needs_no_argument(shipped, again, na
 
 
 def test_the_inner_policys_parameter_is_set_again(shipped, again):
-    header = shipped["straight+dcp-rmp.json"].header
+    header = shipped["straight+dcp-rmp.json.gz"].header
     stated = header.policy_parameters | {"policy.speed": 0.25}
     header = Header(**(header.model_dump() | {"policy_parameters": stated}))
-    result = Result(header=header, rows=shipped["straight+dcp-rmp.json"].rows)
+    result = Result(header=header, rows=shipped["straight+dcp-rmp.json.gz"].rows)
     requests = again(result)
     verify("x.json", result, 5, 0, Silent())
     assert list(requests[0].policy_arguments) == ["speed=0.25"]
@@ -167,7 +167,7 @@ def test_the_inner_policys_parameter_is_set_again(shipped, again):
     ],
 )
 def test_a_parameter_that_cannot_be_set_again_is_named(shipped, again, name, parameters, told):
-    result = shipped[f"{name}.json"]
+    result = shipped[f"{name}.json.gz"]
     stated = result.header.policy_parameters | parameters
     header = Header(**(result.header.model_dump() | {"policy_parameters": stated}))
     requests = again(result)
@@ -219,12 +219,15 @@ def test_other_software_is_named(fdo, again):
     assert any(line.startswith("device a GPU then") for line in found.elsewhere)
 
 
-@pytest.mark.parametrize(("make", "code"), [(lambda fdo: fdo, 0), (invented, 1)])
-def test_the_exit_code_is_the_verdict(fdo, again, make, code, monkeypatch, capsys, tmp_path):
+@pytest.mark.parametrize(
+    ("make", "name", "code"),
+    [(lambda fdo: fdo, "x.json", 0), (invented, "x.json", 1), (invented, "x.json.gz", 1)],
+)
+def test_the_exit_code_is_the_verdict(fdo, again, make, name, code, monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("DRPBENCH_CACHE", "off")
     again(fdo)
-    save(make(fdo), tmp_path / "x.json")
-    monkeypatch.setattr(sys, "argv", ["drpbench", "verify", str(tmp_path / "x.json")])
+    save(make(fdo), tmp_path / name)
+    monkeypatch.setattr(sys, "argv", ["drpbench", "verify", str(tmp_path / name)])
     with pytest.raises(SystemExit) as ended:
         cli.main()
     shown = capsys.readouterr().out

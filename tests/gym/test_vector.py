@@ -43,7 +43,7 @@ def driven(envs, ids=None, policy="straight"):
 
 def shipped(task, wanted, policy="straight"):
     """Rows of `drpbench run --policy straight`, `wanted` of each verdict, none of them by a hair."""
-    rows = load(shipped_results() / f"{policy}.json").rows
+    rows = load(shipped_results() / f"{policy}.json.gz").rows
     clear = [
         row for row in rows if row.task == task and row.valid and abs(row.min_clearance) > 0.01
     ]

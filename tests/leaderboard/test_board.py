@@ -140,12 +140,13 @@ def test_no_results_make_no_leaderboard():
 
 def test_a_folder_is_read_by_file_name(tmp_path, make_result):
     save(make_result("straight"), tmp_path / "b.json")
-    save(make_result("rmp"), tmp_path / "a.json")
+    save(make_result("rmp"), tmp_path / "a.json.gz")
     (tmp_path / "c.json.partial").write_text("a run in progress")
+    (tmp_path / "d.json.gz.partial").write_text("another")
     (tmp_path / "README.md").write_text("what these are")
     results = load_dir(tmp_path)
     assert {name: result.header.policy for name, result in results.items()} == {
-        "a.json": "rmp",
+        "a.json.gz": "rmp",
         "b.json": "straight",
     }
 
@@ -160,6 +161,23 @@ def test_a_damaged_file_is_never_skipped(tmp_path, make_result):
     with pytest.raises(ResultsError) as caught:
         load_dir(tmp_path)
     assert str(caught.value).startswith(f"{bad}: rows[1]: FDO 1: success must be exactly")
+
+
+def test_a_damaged_compressed_file_is_never_skipped(tmp_path, make_result):
+    save(make_result(), tmp_path / "a.json.gz")
+    bad = tmp_path / "b.json.gz"
+    bad.write_bytes((tmp_path / "a.json.gz").read_bytes()[:-1])
+    with pytest.raises(ResultsError) as caught:
+        load_dir(tmp_path)
+    assert str(caught.value).startswith(f"{bad}: is not gzip, or damaged (")
+
+
+def test_a_result_plain_and_compressed_is_named(tmp_path, make_result):
+    for name in ("a.json", "b.json", "b.json.gz", "b.c.json.gz"):
+        save(make_result(), tmp_path / name)
+    with pytest.raises(LeaderboardError) as caught:
+        load_dir(tmp_path)
+    assert str(caught.value) == f"{tmp_path}: holds both b.json and b.json.gz; remove one"
 
 
 def test_an_empty_or_missing_folder_says_so(tmp_path):

@@ -1,5 +1,6 @@
 """Submitting: what contradicts itself is refused in one line, and a correct result finds its place."""
 
+import gzip
 import json
 import re
 import sys
@@ -17,15 +18,15 @@ from drpbench.results.shipped import shipped_results
 @pytest.fixture(scope="module")
 def shipped():
     """The baselines' alone: what the best policy's rows say must not move the places below."""
-    baselines = ("hold.json", "rmp.json", "straight+dcp-rmp.json", "straight.json")
+    names = ("hold", "rmp", "straight+dcp-rmp", "straight")
     results = load_dir(shipped_results())
-    return {name: results[name] for name in baselines}
+    return {f"{name}.json.gz": results[f"{name}.json.gz"] for name in names}
 
 
 @pytest.fixture(scope="module")
 def fdo(shipped):
     """The rows of FDO of `straight`, as a run of another policy."""
-    return restricted(shipped["straight.json"], ("FDO",), policy="mine")
+    return restricted(shipped["straight.json.gz"], ("FDO",), policy="mine")
 
 
 def restricted(result, tasks, **changes):
@@ -82,7 +83,7 @@ def test_what_is_shipped_is_correct():
     ],
 )
 def test_a_row_edited_by_hand_is_named(shipped, wanted, changes, told):
-    result = edited(shipped["rmp.json"], wanted, **changes)
+    result = edited(shipped["rmp.json.gz"], wanted, **changes)
     with pytest.raises(ResultsError, match=told) as refused:
         check("x.json", result)
     assert str(refused.value).startswith("x.json: ") and "\n" not in str(refused.value)
@@ -122,7 +123,7 @@ def test_an_id_out_of_range_is_named(fdo):
 
 
 def test_a_whole_run_has_a_place_in_every_task(shipped):
-    mine = restricted(shipped["straight+dcp-rmp.json"], counts(), policy="mine")
+    mine = restricted(shipped["straight+dcp-rmp.json.gz"], counts(), policy="mine")
     found = assess({"x.json": mine}, shipped)
     places = {standing.task: (standing.place, standing.of) for standing in found.standings}
     # As the table of the shipped results has it; ties share a place, `hold` has no valid row in GB.
@@ -141,7 +142,7 @@ def test_a_whole_run_has_a_place_in_every_task(shipped):
 
 
 def test_an_entry_again_is_compared_with_the_others_alone(shipped):
-    found = assess({"x.json": shipped["rmp.json"]}, shipped)
+    found = assess({"x.json": shipped["rmp.json.gz"]}, shipped)
     assert [standing.of for standing in found.standings] == [4, 4, 4, 3, 4, 4]
     assert any("rmp has already" in note for note in found.notes)
 
@@ -165,7 +166,7 @@ def test_what_is_missing_is_said(shipped, fdo):
 
 def test_files_of_one_policy_are_one_entry(shipped):
     parts = {
-        f"{task}.json": restricted(shipped["straight.json"], (task,), policy="mine")
+        f"{task}.json": restricted(shipped["straight.json.gz"], (task,), policy="mine")
         for task in counts()
     }
     found = assess(parts, shipped)
@@ -173,7 +174,7 @@ def test_files_of_one_policy_are_one_entry(shipped):
 
 
 def test_files_of_two_policies_are_refused(shipped):
-    both = {name: shipped[name] for name in ("rmp.json", "hold.json")}
+    both = {name: shipped[name] for name in ("rmp.json.gz", "hold.json.gz")}
     with pytest.raises(ResultsError, match="two policies, rmp and hold"):
         assess(both, shipped)
 
@@ -195,7 +196,7 @@ def command(monkeypatch, capsys, *arguments):
 
 
 def test_the_command_shows_places_and_intervals(monkeypatch, capsys):
-    code, shown, _ = command(monkeypatch, capsys, "submit", shipped_results() / "rmp.json")
+    code, shown, _ = command(monkeypatch, capsys, "submit", shipped_results() / "rmp.json.gz")
     assert code == 0
     assert (
         re.search(r"place \d of \d", shown) and "135/200 67.5" in shown and "[60.7, 73.6]" in shown
@@ -205,8 +206,8 @@ def test_the_command_shows_places_and_intervals(monkeypatch, capsys):
 def test_the_command_ends_with_1_where_something_is_missing(monkeypatch, capsys, fdo, tmp_path):
     from drpbench.results import save
 
-    save(fdo, tmp_path / "mine.json")
-    code, shown, _ = command(monkeypatch, capsys, "submit", tmp_path / "mine.json")
+    save(fdo, tmp_path / "mine.json.gz")
+    code, shown, _ = command(monkeypatch, capsys, "submit", tmp_path / "mine.json.gz")
     assert code == 1
     assert "SE all 3200 problems" in shown and "FDO place" in shown
 
@@ -237,6 +238,26 @@ def test_a_damaged_file_is_one_line_and_exit_code_2(monkeypatch, capsys, fdo, tm
     text = json.dumps(content)
     path.write_text(text[: len(text) // 2] if edit == "cut" else text)
     assert edit in ("cut", "family") or _refused_by_the_schema(path)
+    for verb in ("submit", "verify"):
+        code, _, told = command(monkeypatch, capsys, verb, path)
+        assert code == 2 and told.count("\n") == 1 and told.startswith(f"drpbench: {path}: ")
+
+
+@pytest.mark.parametrize("edit", ["cut", "plain", "sum", "after", "deflate"])
+def test_damaged_gzip_is_one_line_and_exit_code_2(monkeypatch, capsys, fdo, tmp_path, edit):
+    from drpbench.results import save
+
+    path = tmp_path / "mine.json.gz"
+    save(fdo, path)
+    whole = path.read_bytes()
+    damaged = {
+        "cut": whole[: len(whole) // 2],
+        "plain": gzip.decompress(whole),
+        "sum": whole[:-8] + bytes(8),
+        "after": whole + b"more",
+        "deflate": whole[:100] + b"\xff" * 100 + whole[200:],
+    }
+    path.write_bytes(damaged[edit])
     for verb in ("submit", "verify"):
         code, _, told = command(monkeypatch, capsys, verb, path)
         assert code == 2 and told.count("\n") == 1 and told.startswith(f"drpbench: {path}: ")

@@ -40,12 +40,14 @@ def _drpbench(monkeypatch, capsys, *arguments):
     return exit.value.code, capsys.readouterr().err
 
 
-def test_replay_writes_beside_the_result(stored, monkeypatch, capsys):
+@pytest.mark.parametrize("name", ["run.json", "run.json.gz"])
+def test_replay_writes_beside_the_result(stored, monkeypatch, capsys, name):
     result, path = stored
+    path = path.with_name(name)
     save(result, path)
     code, _ = _drpbench(monkeypatch, capsys, "replay", path, "--id", 17)
     assert code == 0
-    assert [p.name for p in path.with_suffix("").iterdir()] == ["FDO-00017.mcap"]
+    assert [p.name for p in path.with_name("run").iterdir()] == ["FDO-00017.mcap"]
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def drpbench(tmp_path):
 
     def start(*more):
         arguments = ["run", "--task", "FDO", "--policy", "hold", "--problems", "0-5"]
-        arguments += ["--batch-size", "2", "--record", "--out", tmp_path / "x.json", *more]
+        arguments += ["--batch-size", "2", "--record", "--out", tmp_path / "x.json.gz", *more]
         command = [sys.executable, "-c", DRPBENCH, *map(str, arguments)]
         process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
         processes.append(process)
@@ -58,14 +58,14 @@ def test_a_killed_run_leaves_whole_files_and_the_resumed_one_makes_the_others(dr
     process.send_signal(signal.SIGKILL)
     process.wait()
     there = sorted(folder.glob("*.mcap"))
-    assert 0 < len(there) < len(IDS) and not (tmp_path / "x.json").exists()
+    assert 0 < len(there) < len(IDS) and not (tmp_path / "x.json.gz").exists()
     assert all(joint_states(path) == 1001 for path in there)
 
     assert drpbench("--resume").wait(timeout=240) == 0
     names = [f"FDO-{id:05d}.mcap" for id in IDS]
     assert sorted(path.name for path in folder.iterdir()) == names
     assert all(joint_states(folder / name) == 1001 for name in names)
-    assert [row.id for row in load(tmp_path / "x.json").rows] == list(IDS)
+    assert [row.id for row in load(tmp_path / "x.json.gz").rows] == list(IDS)
 
 
 def test_what_a_broken_run_left_out_is_replayed_at_the_end(stored, rolled, header):

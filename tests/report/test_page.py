@@ -213,10 +213,12 @@ def test_what_lies_beside_a_result_is_found_and_moves_with_the_report(tmp_path):
     assert kept(tmp_path / "none", tmp_path) == Kept()
 
 
-def test_the_written_page_links_to_recordings(tmp_path):
+@pytest.mark.parametrize("form", [".json", ".json.gz"])
+def test_the_written_page_links_to_recordings(tmp_path, form):
     (tmp_path / "good").mkdir()
     (tmp_path / "good" / "FDO-00002.mcap").write_bytes(2 * MAGIC)
-    write_report(tmp_path / "report.html", some_results(), EXPECTED, tmp_path)
+    results = {name.replace(".json", form): found for name, found in some_results().items()}
+    write_report(tmp_path / "report.html", results, EXPECTED, tmp_path)
     data = json.loads(Page((tmp_path / "report.html").read_text()).scripts[0])
     places = data["failures"]["columns"]
     ((place, kinds),) = data["gallery"]["kept"]
@@ -269,9 +271,9 @@ def test_of_each_policy_so_many_and_only_what_was_saved(failed, tmp_path):
     other = found.model_copy(
         update={"header": found.header.model_copy(update={"policy": "straight"})}
     )
-    results = {"run.json": found, "later.json": other, "unsaved.json": other}
+    results = {"run.json": found, "later.json.gz": other, "unsaved.json": other}
     drawn = pictures(results, path.parent, 2, False, pytest.fail)
-    assert [name for name, _, _ in drawn] == ["run.json"] * 2 + ["later.json"] * 2
+    assert [name for name, _, _ in drawn] == ["run.json"] * 2 + ["later.json.gz"] * 2
 
 
 def test_what_came_out_differently_has_no_picture(failed, rolled, tmp_path, monkeypatch):

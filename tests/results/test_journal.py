@@ -60,6 +60,46 @@ def test_nothing_is_overwritten(path, partial, make_header, make_result):
     assert not partial.exists()
 
 
+def test_a_compressed_run_goes_on_where_it_stopped(tmp_path, make_header, make_row):
+    path = tmp_path / "run.json.gz"
+    with Journal.create(path, make_header()) as journal:
+        journal.append([make_row(id=1)])
+    log = tmp_path / "run.json.gz.partial"
+    assert make_row(id=1).model_dump_json() in log.read_text().splitlines()
+    with Journal.resume(path, make_header()) as journal:
+        journal.append([make_row(id=0)])
+        result = journal.finish()
+    assert [path] == list(tmp_path.iterdir())
+    assert path.read_bytes()[:2] == b"\x1f\x8b" and load(path) == result
+    assert Journal.resume(path, make_header()).finished
+
+
+@pytest.mark.parametrize("begin", [Journal.create, Journal.resume])
+@pytest.mark.parametrize(("name", "other"), [("x.json", "x.json.gz"), ("x.json.gz", "x.json")])
+def test_plain_and_compressed_do_not_stand_side_by_side(
+    tmp_path, make_header, make_row, begin, name, other
+):
+    path, there = tmp_path / name, tmp_path / other
+    with Journal.create(there, make_header()) as journal:
+        message = refusal(begin, path, make_header())
+        assert message.startswith(f"{there}.partial: ") and f"--resume --out {there}" in message
+        journal.append([make_row()])
+        journal.finish()
+    message = refusal(begin, path, make_header())
+    assert message.startswith(f"{there}: exists; ") and "--out" in message
+    assert list(tmp_path.iterdir()) == [there]
+
+
+@pytest.mark.parametrize("name", ["run.json", "run.json.gz"])
+def test_a_result_that_appears_during_the_run_stays(path, partial, make_header, make_row, name):
+    with Journal.create(path, make_header()) as journal:
+        journal.append([make_row()])
+        path.with_name(name).write_text("precious")
+        message = refusal(journal.finish)
+    assert message.startswith(f"{path.with_name(name)}: appeared during the run")
+    assert path.with_name(name).read_text() == "precious" and partial.exists()
+
+
 def test_resuming_goes_on_where_it_stopped(path, make_header, make_row):
     with Journal.create(path, make_header(batch_size=64)) as journal:
         journal.append([make_row(id=1), make_row(id=4)], seconds=2.0)

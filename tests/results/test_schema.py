@@ -1,5 +1,7 @@
+import gzip
 import json
 import time
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -63,8 +65,82 @@ def test_a_saved_file_has_one_row_a_line(tmp_path, make_result):
     assert sum(line.startswith('{"id":') for line in lines) == 3
 
 
+def test_a_compressed_file_holds_the_text_of_the_plain_one(tmp_path, make_result):
+    plain, packed = tmp_path / "run.json", tmp_path / "run.json.gz"
+    result = make_result(verdicts={"FDO": "+-x" * 100})
+    save(result, plain)
+    save(result, packed)
+    assert gzip.decompress(packed.read_bytes()) == plain.read_bytes()
+    assert packed.stat().st_size < plain.stat().st_size / 5
+    assert load(packed) == load(plain) == result
+
+
+def test_a_compressed_file_depends_on_its_content_alone(tmp_path, make_result, monkeypatch):
+    written = []
+    for name, now in (("a.json.gz", 1.0e9), ("b.json.gz", 1.5e9)):
+        monkeypatch.setattr(time, "time", lambda now=now: now)
+        save(make_result(), tmp_path / name)
+        written.append((tmp_path / name).read_bytes())
+    assert written[0] == written[1]
+
+
+def test_a_file_that_gzip_made_is_read(tmp_path, make_result):
+    plain, packed = tmp_path / "run.json", tmp_path / "run.json.gz"
+    save(make_result(), plain)
+    with gzip.GzipFile(plain, "wb", fileobj=packed.open("wb")) as file:  # with a name and a time
+        file.write(plain.read_bytes())
+    assert load(packed) == make_result()
+
+
+def test_a_compressed_file_cut_short_anywhere_is_refused(tmp_path, make_result):
+    path = tmp_path / "run.json.gz"
+    save(make_result(), path)
+    whole = path.read_bytes()
+    for length in range(len(whole)):
+        path.write_bytes(whole[:length])
+        message = refusal(path)
+        assert message.startswith("is not gzip, or damaged (") or length == 0
+
+
+def test_a_compressed_file_with_a_wrong_bit_is_refused_or_means_the_same(tmp_path, make_result):
+    path = tmp_path / "run.json.gz"
+    save(make_result(), path)
+    whole, refused = path.read_bytes(), 0
+    for place in range(len(whole)):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        try:
+            assert load(path) == make_result()  # a bit of gzip's header that says nothing of it
+        except ResultsError:
+            assert refusal(path)
+            refused += 1
+    assert refused >= len(whole) - 10  # bytes that say when and where it was packed
+
+
+def test_a_name_that_lies_about_compression_is_refused(tmp_path, make_result):
+    plain, packed = tmp_path / "run.json", tmp_path / "run.json.gz"
+    save(make_result(), plain)
+    text = plain.read_bytes()
+    packed.write_bytes(text)
+    plain.write_bytes(gzip.compress(text))
+    assert refusal(packed).startswith("is not gzip, or damaged (")
+    assert refusal(plain).startswith("is not JSON, or cut short (")
+
+
+@pytest.mark.parametrize("name", ["run.json", "run.json.gz"])
+def test_a_huge_file_is_refused_before_it_is_held_whole(tmp_path, monkeypatch, name):
+    monkeypatch.setattr(results_module, "LARGEST", 1_000_000)
+    text, path = b" " * 50_000_000, tmp_path / name
+    path.write_bytes(gzip.compress(text, 1) if path.suffix == ".gz" else text)
+    tracemalloc.start()
+    assert refusal(path) == "holds more than 1 MB, which no result file does"
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 5_000_000
+
+
 def test_a_missing_file_is_named(tmp_path):
-    assert refusal(tmp_path / "none.json") == "cannot be read: no such file or directory"
+    for name in ("none.json", "none.json.gz"):
+        assert refusal(tmp_path / name) == "cannot be read: no such file or directory"
 
 
 def test_a_folder_is_no_result(tmp_path):

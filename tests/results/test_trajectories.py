@@ -35,9 +35,10 @@ def trace(count: int, seed: int) -> Trace:
     )
 
 
-def test_batches_become_one_file_with_each_instance_in_its_own_steps(tmp_path):
+@pytest.mark.parametrize("name", ["run.json", "run.json.gz"])
+def test_batches_become_one_file_with_each_instance_in_its_own_steps(tmp_path, name):
     first, second = trace(2, 0), trace(1, 1)
-    trajectories = Trajectories(tmp_path / "run.json")
+    trajectories = Trajectories(tmp_path / name)
     trajectories.add("FDO", [3, 9], first)
     trajectories.add("GB", [3], second)
     trajectories.finish()
