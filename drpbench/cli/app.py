@@ -163,10 +163,9 @@ def run(
 
     from drpbench.evaluation import Request
     from drpbench.evaluation import run as run_request
+    from drpbench.evaluation.progress import Bars
     from drpbench.leaderboard import build, render_entry
     from drpbench.rollout import LANES
-
-    from .terminal import RunProgress
 
     default = LANES if jax.default_backend() == "cpu" else 2048
     recorder = record and cli_recording.recorder(out, recorded, wanted, sizes)
@@ -183,7 +182,7 @@ def run(
         watch=recorder and recorder.watch,
     )
     console = Console()
-    with recorder or nullcontext(), RunProgress(console, policy) as progress:
+    with recorder or nullcontext(), Bars(console, policy) as progress:
         result = run_request(request, progress)
     console.print(render_entry(build({out.name: result}, sizes).entries[0]))
     failures = Counter(row.status for row in result.rows if row.status != "ok")

@@ -78,11 +78,10 @@ def verify(
     from rich.console import Console
 
     from drpbench.evaluation import verification
-
-    from .terminal import RunProgress
+    from drpbench.evaluation.progress import Bars
 
     console = Console()
-    with RunProgress(console, was.header.policy) as progress:
+    with Bars(console, was.header.policy) as progress:
         found = verification.verify(str(result), was, sample, seed, progress)
     for line in _told(found):
         console.print(line, highlight=False, markup=False, soft_wrap=True)

@@ -4,55 +4,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import Console, RenderableType
-from rich.progress import (
-    BarColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 from rich.text import Text
 
-
-class RunProgress:
-    """A bar for each task with running success and collision rates; plain lines without a terminal."""
-
-    def __init__(self, console: Console, policy: str):
-        self._console, self._policy = console, policy
-        self._bars = _bars(console)
-
-    def __enter__(self):
-        self._bars.start()
-        return self
-
-    def __exit__(self, *_):
-        self._bars.stop()
-
-    def begin(self, task: str, steps: int, done: int) -> None:
-        self._task, self._seen, self._won, self._hit = task, 0, 0, 0
-        self._bar = self._bars.add_task(task, total=max(steps, 1), told="compiling")
-        if steps == 0:
-            self._bars.update(self._bar, completed=1, told="done before")
-        if done:
-            self._console.print(f"{task}: {done} rows were there already", highlight=False)
-
-    def advance(self, steps: int) -> None:
-        self._bars.advance(self._bar, steps)
-        if self._seen == 0:
-            self._bars.update(self._bar, told="running")
-
-    def rows(self, rows: Sequence[Any]) -> None:
-        self._seen += len(rows)
-        self._won += sum(row.success for row in rows)
-        self._hit += sum(row.collided for row in rows)
-        rates = (
-            f"success {100 * self._won / self._seen:.0f}% "
-            f"collided {100 * self._hit / self._seen:.0f}% of {self._seen}"
-        )
-        self._bars.update(self._bar, told=rates)
-        if not self._console.is_terminal:
-            self._console.print(f"{self._policy} {self._task}: {rates}", highlight=False)
+from drpbench.evaluation.progress import bars
 
 
 class DataProgress:
@@ -64,7 +19,7 @@ class DataProgress:
     def __init__(self, console: Console, count: int, words: tuple[str, str] = ("drawn", "solved")):
         self._console, self._drawn, self._solved = console, 0, 0
         self._words = words
-        self._bars = _bars(console)
+        self._bars = bars(console)
         self._bar = self._bars.add_task("data", total=count, told="compiling")
 
     def __enter__(self):
@@ -89,7 +44,7 @@ class TrainingProgress:
 
     def __init__(self, console: Console, steps: int):
         self._console = console
-        self._bars = _bars(console)
+        self._bars = bars(console)
         self._bar = self._bars.add_task("train", total=steps, told="compiling")
 
     def __enter__(self):
@@ -111,19 +66,6 @@ class TrainingProgress:
             )
         if line.validated or not self._console.is_terminal:
             self._console.print(text, highlight=False)
-
-
-def _bars(console: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description:<5}"),
-        BarColumn(bar_width=None),
-        TextColumn("{task.percentage:>3.0f}%"),
-        TextColumn("{task.fields[told]}"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        disable=not console.is_terminal,
-    )
 
 
 def listing(sections: Mapping[str, Sequence[tuple[str, str]]]) -> RenderableType:

@@ -9,7 +9,8 @@ from drpbench.plugins.registry import choose
 from drpbench.results import Header, Result, ResultsError
 from drpbench.results.schema import Scalar
 
-from .run import KEPT, Progress, Request, Watch, run
+from .progress import RunProgress
+from .run import KEPT, Request, Watch, run
 
 _HOST = "host."  # what a header says of a policy outside jit, besides its own parameters
 _INNER = "policy."  # before the parameters of a policy that another one goes over
@@ -19,7 +20,7 @@ def rerun(
     name: str,
     header: Header,
     problems: Mapping[str, Sequence[int]],
-    progress: Progress,
+    progress: RunProgress,
     watch: Watch | None = None,
     batch_size: int | None = None,
 ) -> Result:

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import jax
 
@@ -18,27 +17,14 @@ from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.host import TIME_LIMIT
 from drpbench.plugins.registry import choose
 from drpbench.problems import load
-from drpbench.results import Header, Journal, Result, Row
+from drpbench.results import Header, Journal, Result
 from drpbench.results.trajectories import Trajectories
 from drpbench.rollout import LANES
 from drpbench.rollout.batch import Trace, take
 from drpbench.rollout.host import rollout_of
 
 from .metrics import rows as rows_of
-
-
-class Progress(Protocol):
-    """What is told of a run while it goes on."""
-
-    def begin(self, task: str, steps: int, done: int) -> None:
-        """A task begins: control steps of all its batches, and how many rows there were before."""
-
-    def advance(self, steps: int) -> None:
-        """So many more were simulated."""
-
-    def rows(self, rows: Sequence[Row]) -> None:
-        """Rows are finished, and safe."""
-
+from .progress import RunProgress
 
 KEPT = ". The rows so far are kept; go on with --resume"
 """What is said when a run breaks off because its policy is gone."""
@@ -83,7 +69,7 @@ def versions() -> dict[str, str]:
     return {"drpbench": __version__, "python": platform.python_version(), **found}
 
 
-def run(request: Request, progress: Progress) -> Result:
+def run(request: Request, progress: RunProgress) -> Result:
     """Runs what is asked for, or what is left of it, and writes the result file.
 
     Raises PolicyError, WeightsError, ResultsError or ProblemSetError, before anything is simulated.

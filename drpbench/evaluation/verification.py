@@ -10,8 +10,8 @@ from drpbench.leaderboard.submission import check
 from drpbench.results import Header, Result, ResultsError, Row
 from drpbench.results.schema import Scalar
 
+from .progress import RunProgress
 from .rerun import rerun
-from .run import Progress
 
 VERDICT = ("success", "reached", "collided", "valid")
 """The fields of a row that the leaderboard counts."""
@@ -78,7 +78,7 @@ def sample(result: Result, count: int, seed: int = 0) -> dict[str, list[int]]:
     return ids
 
 
-def verify(name: str, result: Result, count: int, seed: int, progress: Progress) -> Verification:
+def verify(name: str, result: Result, count: int, seed: int, progress: RunProgress) -> Verification:
     """Runs `count` random rows again, with the same policy, parameters, seed and batch size, and compares.
 
     Args:
