@@ -44,7 +44,10 @@ def test_help_needs_half_a_second(tmp_path):
 
 
 def test_help_imports_nothing_heavy():
-    code = "import sys, drpbench.cli; print([m for m in ('jax', 'mujoco', 'numpy') if m in sys.modules])"
+    code = (
+        "import sys, drpbench.cli; print([m for m in ('jax', 'mujoco', 'numpy') if m in "
+        "sys.modules])"
+    )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert shown.stdout.strip() == "[]"
 

@@ -1,4 +1,5 @@
-"""What docs/your-policy.md promises: its snippets, the examples, and `drpbench new-policy`, as a user meets them."""
+"""What docs/your-policy.md promises: its snippets, the examples, and `drpbench new-policy`, as a
+user meets them."""
 
 import importlib
 import importlib.util

@@ -45,7 +45,8 @@ def sphere_jacobians():
 
 @pytest.fixture(scope="module")
 def touching():
-    """64 arms in motion, each with a turned box on one of its spheres and another that is masked."""
+    """64 arms in motion, each with a turned box on one of its spheres and another that is
+    masked."""
     rng = np.random.default_rng(0)
     q = postures(COUNT, seed=1)
     qd = (rng.uniform(-0.5, 0.5, (COUNT, 7)) * VELOCITY_LIMIT).astype(np.float32)
@@ -80,7 +81,8 @@ def from_box(points, obstacles):
 
 
 def by_virtual_work(q, qd, obstacles, jacobians):
-    """Torque (7,) by J^T f over the deepest sphere of each frame; clearance; the sphere it is of."""
+    """Torque (7,) by J^T f over the deepest sphere of each frame; clearance; the sphere it is
+    of."""
     model = moving_spheres()
     centers = bodies(q)[0][0].astype(float)
     distance, gradient = from_box(centers, obstacles)

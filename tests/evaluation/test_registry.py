@@ -58,7 +58,8 @@ def test_parameters_name_every_number():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_policy_keeps_the_protocol(name):
-    """A pytree; pure; vmapped with itself shared; targets (7,) float32; a carry whose form never changes."""
+    """A pytree; pure; vmapped with itself shared; targets (7,) float32; a carry whose form never
+    changes."""
     try:
         policy = make(name)
     except WeightsError as error:

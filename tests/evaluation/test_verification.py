@@ -44,7 +44,8 @@ def fdo(shipped):
 
 @pytest.fixture
 def again(monkeypatch):
-    """Lets `verify` see the rows it is given here instead of running them; the requests are kept."""
+    """Lets `verify` see the rows it is given here instead of running them; the requests are
+    kept."""
     requests = []
 
     def answers(result):

@@ -1,4 +1,5 @@
-"""docs/environments.md: the functions' snippet runs as it stands. (The other one: test_vector.py.)"""
+"""docs/environments.md: the functions' snippet runs as it stands. (The other one:
+test_vector.py.)"""
 
 import numpy as np
 

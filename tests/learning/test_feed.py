@@ -1,4 +1,5 @@
-"""Demonstrations straight from the expert: they flow, the newest replace the oldest, faults are told."""
+"""Demonstrations straight from the expert: they flow, the newest replace the oldest, faults are
+told."""
 
 import jax
 import numpy as np

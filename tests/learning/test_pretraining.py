@@ -1,4 +1,5 @@
-"""Training lowers its loss, is the same on any number of devices, and goes on after a cut as if it had not been."""
+"""Training lowers its loss, is the same on any number of devices, and goes on after a cut as if it
+had not been."""
 
 import json
 import os

@@ -1,4 +1,5 @@
-"""A run that is killed leaves whole files only, and the run that goes on with it makes the others."""
+"""A run that is killed leaves whole files only, and the run that goes on with it makes the
+others."""
 
 import os
 import signal
