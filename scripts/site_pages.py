@@ -1,7 +1,7 @@
 """Pages of the documentation that lie elsewhere in the repository: a hook of MkDocs (mkdocs.yml).
 
 README.md, CONTRIBUTING.md and CHANGELOG.md become pages, and so does each notebook: its text, its
-code, and the outputs that are stored in it. A link that leads out of docs/ points to the repository.
+code and its stored outputs. A link that leads out of docs/ points to the repository.
 """
 
 import base64
@@ -41,7 +41,7 @@ def on_page_markdown(markdown, page, config, files):
 
 
 def relinked(text: str, folder: str, repository: str) -> str:
-    """The text with each relative link as seen from docs/; `folder` is where the text lies in there.
+    """The text with its relative links mended; `folder` is where the text lies, seen from docs/.
 
     What lies outside docs/ and is no page is linked in the repository.
     """

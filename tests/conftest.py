@@ -17,6 +17,16 @@ install_import_hook(
     "beartype.beartype",
 )
 
+# Each of these fixtures compiles a rollout, so every test that asks for one is slow.
+COMPILES = {"compiled", "finished", "rolled"}
+
+
+def pytest_collection_modifyitems(items):
+    """Marks as slow what compiles a rollout by a fixture; other slow tests carry the mark."""
+    for item in items:
+        if COMPILES & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.slow)
+
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):

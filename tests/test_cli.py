@@ -124,6 +124,7 @@ def test_a_run_without_out_finds_a_name_of_its_own(tmp_path):
         os.chdir(here)
 
 
+@pytest.mark.slow
 def test_a_killed_run_resumes_to_the_same_rows(finished, tmp_path):
     folder, _ = finished
     command = [sys.executable, "-m", "drpbench", *RUN, "--out", "killed.json"]
@@ -193,6 +194,7 @@ def test_list_shows_tasks_and_policies(tmp_path):
         assert name in shown
 
 
+@pytest.mark.slow
 def test_doctor_finds_this_installation_sound(tmp_path):
     shown = drpbench("doctor", cwd=tmp_path)
     assert shown.returncode == 0, shown.stdout

@@ -53,12 +53,14 @@ def test_a_command_names_the_extra_that_it_misses(tmp_path, monkeypatch, extra, 
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["list", "leaderboard", "problems show FDO 17", "run --help"])
 def test_the_core_needs_no_package_of_an_extra(command):
     done = without(BEYOND_CORE, *command.split())
     assert done.returncode == 0 and done.stdout, done.stderr
 
 
+@pytest.mark.slow
 def test_a_run_with_the_papers_method_needs_no_package_of_an_extra():
     code = (
         "import drpbench.evaluation, drpbench.evaluation.referee, drpbench.evaluation.doctor; "

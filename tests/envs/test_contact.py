@@ -188,6 +188,7 @@ def walls(seed, joints, step):
     raise AssertionError("too few arms reach behind a wall")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("joints", "step", "usual", "deepest"), [(1, 1.8, 0.02, 0.03), (7, 1.2, 0.03, 0.05)]
 )

@@ -21,6 +21,8 @@ from drpbench.robot import (
 
 from ..scenes import batch, bodies, boxes, postures, problem
 
+pytestmark = pytest.mark.slow
+
 LANES, STEPS = 8, 20
 
 

@@ -17,6 +17,8 @@ from drpbench.envs import TASKS, World
 from drpbench.evaluation.rollout import instance_key, take
 from drpbench.problems import load
 
+pytestmark = pytest.mark.slow
+
 GOLDEN = Path(__file__).parent / "first_observations.json"
 IDS = [0, 1, 5]
 

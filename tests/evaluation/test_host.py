@@ -25,6 +25,8 @@ from drpbench.policies import DcpRmp, Straight
 from drpbench.problems import load
 from drpbench.robot import VELOCITY_LIMIT
 
+pytestmark = pytest.mark.slow
+
 
 def hosted(policy, build, **settings):
     """Under DCP-RMP, so that one compiled world serves all tests."""

@@ -8,6 +8,8 @@ from drpbench.evaluation.rollout import Rollout, take
 from drpbench.policies import Straight
 from drpbench.problems import load
 
+pytestmark = pytest.mark.slow
+
 IDS = [0, 1, 2, 100, 101, 102, 200, 201]
 
 

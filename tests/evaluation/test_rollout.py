@@ -16,6 +16,8 @@ from drpbench.problems import load
 
 from ..scenes import bodies
 
+pytestmark = pytest.mark.slow
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)

@@ -71,6 +71,7 @@ def changed(result, index, **changes):
     return Result(header=result.header, rows=rows)
 
 
+@pytest.mark.slow
 def test_rows_run_again_have_the_same_verdict(fdo):
     found = verify("x.json", fdo, 8, 0, Silent())
     assert found.rows == 8 and found.reproduced

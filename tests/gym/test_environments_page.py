@@ -2,8 +2,11 @@
 test_vector.py.)"""
 
 import numpy as np
+import pytest
 
 from .snippets import snippet
+
+pytestmark = pytest.mark.slow
 
 
 def test_the_functions_snippet_runs():

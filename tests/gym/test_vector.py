@@ -17,6 +17,8 @@ from drpbench.robot import HOME
 
 from .snippets import snippet
 
+pytestmark = pytest.mark.slow
+
 LANES = 4
 
 

@@ -18,6 +18,8 @@ from drpbench.learning.pretraining import Pretraining, Settings
 from drpbench.policies.impact import SIZES, ImpactSize
 from drpbench.policies.weights import card
 
+pytestmark = pytest.mark.slow
+
 TINY = ImpactSize(
     scene_points=64,
     scene_tokens=4,

@@ -9,6 +9,8 @@ from drpbench.cli_recording import parse_count, with_all
 from drpbench.evaluation import save
 from drpbench.refused import Refused
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("given", "meant"),

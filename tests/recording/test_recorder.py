@@ -13,6 +13,8 @@ from mcap.reader import make_reader
 from drpbench.evaluation import load, save
 from drpbench.recording import Recorder
 
+pytestmark = pytest.mark.slow
+
 IDS = range(6)
 # As `drpbench`, in batches of two that are really of two.
 DRPBENCH = """

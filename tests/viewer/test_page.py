@@ -12,6 +12,8 @@ from PIL import Image
 
 from drpbench.refused import Refused
 
+pytestmark = pytest.mark.slow
+
 viser = pytest.importorskip("viser", reason="viser is not installed (extra `viewer`)")
 from drpbench.viewer.page import NO_SOLUTION, Page  # noqa: E402
 
