@@ -17,14 +17,14 @@ install_import_hook(
     "beartype.beartype",
 )
 
-# Each of these fixtures compiles a rollout, so every test that asks for one is slow.
-COMPILES = {"compiled", "finished", "rolled"}
+# Each of these fixtures compiles a rollout or draws problems with a planner.
+SLOW_FIXTURES = {"compiled", "drawn", "finished", "rolled"}
 
 
 def pytest_collection_modifyitems(items):
-    """Marks as slow what compiles a rollout by a fixture; other slow tests carry the mark."""
+    """Marks as slow every test that asks for a slow fixture; other slow tests carry the mark."""
     for item in items:
-        if COMPILES & set(getattr(item, "fixturenames", ())):
+        if SLOW_FIXTURES & set(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.slow)
 
 

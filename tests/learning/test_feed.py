@@ -9,6 +9,8 @@ from drpbench.learning import feed as feeds
 from drpbench.learning.demonstrations import DataError
 from drpbench.learning.production import Production
 
+pytestmark = pytest.mark.slow
+
 
 class Source(Production):
     """Stands in for the expert: every problem is solved, and its path is its number."""

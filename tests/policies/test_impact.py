@@ -23,6 +23,8 @@ from drpbench.policies.impact import (
 )
 from drpbench.robot import HOME, JOINT_LOWER, JOINT_UPPER, link_poses
 
+pytestmark = pytest.mark.slow
+
 TINY = ImpactSize(
     scene_points=64,
     scene_tokens=6,
