@@ -1,12 +1,13 @@
 """The expert against OMPL's RRT-Connect on the same problems, in the same run, as Markdown.
 
     pip install ompl
-    python benchmarks/expert.py [--problems 64] [--set drpbench-v1 | training] [--batches 1 16 64] [--seed 0]
+    python benchmarks/expert.py [--problems 64] [--set drpbench-v1 | training] [--batches 1 16 64]
+    [--seed 0]
 
-Problems are a random sample of the frozen task SE, or drawn anew from the training stream. Every path
-is judged by the same independent check, C MuJoCo's spheres along the whole of it
-(`drpbench.generation.certificate`). Both searches run on the host's processor, where JAX finds no other
-device; a hint's own time is what the host's RRT-Connect takes to find and shorten it.
+Problems are a random sample of the frozen task SE, or drawn anew from the training stream. Every
+path is judged by the same independent check, C MuJoCo's spheres along the whole of it
+(`drpbench.generation.certificate`). Both searches run on the host's processor, where JAX finds no
+other device; a hint's own time is what the host's RRT-Connect takes to find and shorten it.
 """
 
 from __future__ import annotations
@@ -98,7 +99,8 @@ def drawn(count: int, seed: int) -> Sample:
 
 
 def by_host(sample: Sample, checker: Checker, seed: int) -> tuple[list, np.ndarray]:
-    """A path or None for each problem, by the host's RRT-Connect with shortcuts, and the seconds each took."""
+    """A path or None for each problem, by the host's RRT-Connect with shortcuts, and the seconds
+    each took."""
     paths, seconds = [], []
     for i in range(len(sample.start)):
         sample.into(checker, i)
@@ -115,7 +117,8 @@ def by_host(sample: Sample, checker: Checker, seed: int) -> tuple[list, np.ndarr
 
 
 def hints(sample: Sample, paths: list) -> np.ndarray:
-    """(n, 1, HINT_WAYPOINTS, 7): the paths, or the straight line for what is None or has too many bends."""
+    """(n, 1, HINT_WAYPOINTS, 7): the paths, or the straight line for what is None or has too many
+    bends."""
     given = []
     for i, path in enumerate(paths):
         if path is None or len(path) > HINT_WAYPOINTS:
@@ -221,7 +224,8 @@ def main() -> None:
 
     print(f"{arguments.problems} problems, {arguments.set}, {jax.devices()[0].device_kind}\n")
     print(
-        "| planner | certified | % [95 %] | claimed wrongly | s a problem | length [s] | room [mm] |"
+        "| planner | certified | % [95 %] | claimed wrongly | s a problem | length [s] | room "
+        "[mm] |"
     )
     print("|---|---|---|---|---|---|---|")
     paths, seconds = by_ompl(sample, checker, arguments.seed)

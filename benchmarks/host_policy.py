@@ -3,10 +3,10 @@
     python benchmarks/host_policy.py
     python benchmarks/host_policy.py --batch 256 --repeats 5
 
-The policies are those of examples/: a few additions, so that what is timed is the way there and back. Each
-repeat runs every way of asking once, in turn, on whole episodes of the same problems; ratios are taken
-within a repeat, and their median and range shown. `remote` is examples/remote_policy.py in a process of
-its own, over TCP on this machine.
+The policies are those of examples/: a few additions, so that what is timed is the way there and
+back. Each repeat runs every way of asking once, in turn, on whole episodes of the same problems;
+ratios are taken within a repeat, and their median and range shown. `remote` is
+examples/remote_policy.py in a process of its own, over TCP on this machine.
 """
 
 from __future__ import annotations
@@ -80,7 +80,8 @@ def main() -> None:
         server.wait()
 
     print(
-        f"{options.task}, batch {options.batch}, {jax.devices()[0].device_kind}, jax {jax.__version__}"
+        f"{options.task}, batch {options.batch}, {jax.devices()[0].device_kind}, jax "
+        f"{jax.__version__}"
     )
     print("policy    control steps/s   ms a step of the batch   times the time of jax [range]")
     for name, taken in seconds.items():

@@ -1,7 +1,8 @@
-"""IMPACT's network in PyTorch, as a witness of what the one in JAX computes and of how long it takes.
+"""IMPACT's network in PyTorch, as a witness of what the one in JAX computes and of how long it
+takes.
 
-PyTorch has no CPU kernel for PointNet++'s operations, so its farthest-point sampling and ball query are
-tensor operations too: a cumulative count and `searchsorted`.
+PyTorch has no CPU kernel for PointNet++'s operations, so its farthest-point sampling and ball query
+are tensor operations too: a cumulative count and `searchsorted`.
 """
 
 import jax

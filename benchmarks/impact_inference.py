@@ -1,12 +1,14 @@
-"""Inference of IMPACT, and on a CPU with torch, side by side, that of the paper's network in PyTorch.
+"""Inference of IMPACT, and on a CPU with torch, side by side, that of the paper's network in
+PyTorch.
 
     python benchmarks/impact_inference.py [--sizes small full] [--batches 1 64]
 
-Same weights, same clouds, same outputs: they are compared before anything is timed, and must agree to
-1e-4. The last row of each pair gives PyTorch the neighbourhoods for nothing, while ours still finds them.
-The two take turns within one run. Wall time is what a user waits; core time is what all threads burn, which
-other work on the machine disturbs less. On a machine that is not idle, pin the run to one core
-(`taskset -c 0`): waiting threads burn time too. *Cold* is the first call of all, compiling included.
+Same weights, same clouds, same outputs: they are compared before anything is timed, and must agree
+to 1e-4. The last row of each pair gives PyTorch the neighbourhoods for nothing, while ours still
+finds them. The two take turns within one run. Wall time is what a user waits; core time is what all
+threads burn, which other work on the machine disturbs less. On a machine that is not idle, pin the
+run to one core (`taskset -c 0`): waiting threads burn time too. *Cold* is the first call of all,
+compiling included.
 """
 
 import argparse
@@ -64,7 +66,8 @@ def main() -> None:
         f"ms a sample, median of {arguments.repetitions} turns\n"
     )
     print(
-        "| size | batch | cold [s] | PyTorch's neighbourhoods | here: wall | core | PyTorch: wall | core "
+        "| size | batch | cold [s] | PyTorch's neighbourhoods | here: wall | core | PyTorch: wall "
+        "| core "
         "| PyTorch / here: wall | core |\n|---|---|---|---|---|---|---|---|---|---|"
     )
     for name in arguments.sizes:
@@ -103,7 +106,8 @@ def main() -> None:
                 w, c, tw, tc = 1e3 * np.median(turns, axis=0) / batch
                 wall, core = np.median([(t[2] / t[0], t[3] / t[1]) for t in turns], axis=0)
                 print(
-                    f"| {name} | {batch} | {cold:.1f} | {'given' if given else 'found'} | {w:.2f} | {c:.2f} "
+                    f"| {name} | {batch} | {cold:.1f} | {'given' if given else 'found'} | {w:.2f} "
+                    f"| {c:.2f} "
                     f"| {tw:.2f} | {tc:.2f} | {wall:.2f} | {core:.2f} |",
                     flush=True,
                 )

@@ -1,4 +1,5 @@
-"""What the frozen problem set holds: certificates, straight-line shares, distances, speed of a check.
+"""What the frozen problem set holds: certificates, straight-line shares, distances, speed of a
+check.
 
     DRPBENCH_MESHES=<folder of the real meshes> python benchmarks/problem_set.py
 

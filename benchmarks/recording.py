@@ -1,9 +1,11 @@
-"""What recordings cost: time on top of a run, size of the files, frames a second of videos. Markdown.
+"""What recordings cost: time on top of a run, size of the files, frames a second of videos.
+Markdown.
 
     python benchmarks/recording.py [--batches 4] [--repetitions 3]
 
-Batches of 64 episodes are simulated without and with recording every one of them, by turns, in one process,
-after a first turn that compiles everything. With meshes at hand (`DRPBENCH_MESHES`) videos are timed with both figures of the arm.
+Batches of 64 episodes are simulated without and with recording every one of them, by turns, in one
+process, after a first turn that compiles everything. With meshes at hand (`DRPBENCH_MESHES`) videos
+are timed with both figures of the arm.
 """
 
 import argparse

@@ -3,8 +3,8 @@
     DRPBENCH_MESHES=FOLDER python benchmarks/referee.py [--problems 16] [--policies straight rmp]
 
 Runs each policy on problems spread over every task, with trajectories, and has them judged: by the
-meshes, and by the benchmark's own spheres in C MuJoCo, which tells a difference of shape from one of
-engine.
+meshes, and by the benchmark's own spheres in C MuJoCo, which tells a difference of shape from one
+of engine.
 """
 
 import argparse
@@ -38,7 +38,8 @@ class Quiet:
 
 
 def judged(policy: str, per_task: int, seed: int) -> tuple[list[Judgement], list[Judgement]]:
-    """The policy on `per_task` problems of each task, spread evenly: judged by meshes, by spheres."""
+    """The policy on `per_task` problems of each task, spread evenly: judged by meshes, by
+    spheres."""
     ids = {
         task: sorted({i * count // per_task for i in range(per_task)})
         for task, count in counts().items()
@@ -72,7 +73,8 @@ def row(name: str, figures: Agreement) -> str:
 def report(by_policy: dict[str, list[Judgement]]) -> None:
     everything = [j for judgements in by_policy.values() for j in judgements]
     print(
-        "| episodes of | agree | share (95 %) | both free | both collided | differ | deepest missed |"
+        "| episodes of | agree | share (95 %) | both free | both collided | differ | deepest "
+        "missed |"
     )
     print("|---|---|---|---|---|---|---|")
     for policy, judgements in by_policy.items():
@@ -97,7 +99,8 @@ def report(by_policy: dict[str, list[Judgement]]) -> None:
         )
 
     print(
-        "\n| differing episode | spheres | first | meshes | first | class |\n|---|---|---|---|---|---|"
+        "\n| differing episode | spheres | first | meshes | first | class "
+        "|\n|---|---|---|---|---|---|"
     )
     for policy, judgements in by_policy.items():
         for j in judgements:
@@ -106,7 +109,8 @@ def report(by_policy: dict[str, list[Judgement]]) -> None:
             spheres = f"{1e3 * j.row.min_clearance:.1f} mm {j.row.first_collision_link or ''}"
             meshes = f"{1e3 * j.clearance:.1f} mm {j.closest_link or ''}"
             print(
-                f"| {policy} {j.row.task}-{j.row.id} | {spheres} | {_step(j.row.first_collision_step)}"
+                f"| {policy} {j.row.task}-{j.row.id} | {spheres} | "
+                f"{_step(j.row.first_collision_step)}"
                 f" | {meshes} | {_step(j.closest_step)} | {j.disagreement} |"
             )
 
@@ -117,7 +121,8 @@ def report_spheres(judgements: list[Judgement]) -> None:
     off = [1e6 * abs(j.clearance - j.row.min_clearance) for j in near]
     print(
         f"\nThe spheres themselves in C MuJoCo: the same verdict in "
-        f"{sum(j.agrees for j in judgements)} of {len(judgements)} episodes; the smallest clearance, "
+        f"{sum(j.agrees for j in judgements)} of {len(judgements)} episodes; the smallest "
+        "clearance, "
         f"where it is under {1e3 * MARGIN:g} mm ({len(near)} episodes), differs by "
         f"{np.median(off):.2g} µm in the median and {max(off):.2g} µm at most."
     )

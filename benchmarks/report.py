@@ -1,10 +1,11 @@
-"""What a report costs: time to read and check result files, time to write the page, and its size; time and size
-of a picture of a failure. Markdown.
+"""What a report costs: time to read and check result files, time to write the page, and its size;
+time and size of a picture of a failure. Markdown.
 
     python benchmarks/report.py [--rows 50000] [--pictures 12]
 
-The rows are synthetic: policies on the whole benchmark, each row with verdicts and errors drawn at random, in
-files as a run writes them. The pictures are of failures of `straight` in FDO, from saved trajectories.
+The rows are synthetic: policies on the whole benchmark, each row with verdicts and errors drawn at
+random, in files as a run writes them. The pictures are of failures of `straight` in FDO, from saved
+trajectories.
 """
 
 import argparse

@@ -47,7 +47,8 @@ def median_cost(loop: WorldLoop, repetitions: int) -> float:
 
 
 def measure(task: str, batches: list[int], counts: list[int], batch: int, repetitions: int):
-    """Costs [µs] by batch size, with every obstacle, and by number of obstacles at batch `batch`."""
+    """Costs [µs] by batch size, with every obstacle, and by number of obstacles at batch
+    `batch`."""
     problems = load(task)
     by_batch = [
         median_cost(WorldLoop(task, crowded(problems, size), STEPS), repetitions)

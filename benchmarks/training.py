@@ -3,10 +3,10 @@
     python benchmarks/training.py --size small --batch 256
     python benchmarks/training.py --size full --batch 512 --precision bfloat16 --trace trace/
 
-Four programs, each of which holds the one before it: drawing the samples (scenes, clouds, targets), the
-network's answer, the gradient, the whole step with its update. Their differences say where the time
-goes. The data are sampled hints, so that the expert is not part of it. `--trace` writes a profile of
-the whole step that TensorBoard or Perfetto open.
+Four programs, each of which holds the one before it: drawing the samples (scenes, clouds, targets),
+the network's answer, the gradient, the whole step with its update. Their differences say where the
+time goes. The data are sampled hints, so that the expert is not part of it. `--trace` writes a
+profile of the whole step that TensorBoard or Perfetto open.
 """
 
 from __future__ import annotations
@@ -113,7 +113,8 @@ def main() -> None:
             jax.block_until_ready(program(call))
             times.append((time.perf_counter() - began) / (asked.steps * asked.batch))
         print(
-            f"{name:<24} {statistics.median(times) * 1e6:9.1f} us a sample, {1 / statistics.median(times):9.0f} samples/s"
+            f"{name:<24} {statistics.median(times) * 1e6:9.1f} us a sample, "
+            f"{1 / statistics.median(times):9.0f} samples/s"
         )
     if asked.trace:
         with jax.profiler.trace(str(asked.trace)):

@@ -1,4 +1,5 @@
-"""Many worlds driven for some control steps, as one compiled program: what the timings are made of."""
+"""Many worlds driven for some control steps, as one compiled program: what the timings are made
+of."""
 
 import time
 
@@ -26,8 +27,9 @@ def most_obstacles(problems: ProblemSet, scenes: int) -> list[int]:
 class WorldLoop:
     """A batch of worlds of one task whose arms head for the goal at the joints' velocity limits.
 
-    Each control step is the whole of it: the task's obstacles, two substeps of dynamics with contact
-    and verdict, and the observation with its point clouds, which is written out at every step.
+    Each control step is the whole of it: the task's obstacles, two substeps of dynamics with
+    contact and verdict, and the observation with its point clouds, which is written out at every
+    step.
     """
 
     def __init__(self, task: str, problems: Problem, steps: int):

@@ -1,11 +1,13 @@
-"""One control step of the whole world against C MuJoCo stepping the arm's real meshes, side by side.
+"""One control step of the whole world against C MuJoCo stepping the arm's real meshes, side by
+side.
 
     DRPBENCH_MESHES=FOLDER python benchmarks/world_vs_mujoco.py [--batch 256] [--threads 2]
 
 Ours: dynamics, contact, collision and self-collision verdict, and point clouds, in one JAX program.
 Theirs: two physics steps of 1/120 s of the arm with its collision meshes among the same obstacles,
-with the same servos and contacts on; no clearance and no point cloud. Same problems, same starts, same
-references. The two take turns within one run, so that whatever else the machine does meets both.
+with the same servos and contacts on; no clearance and no point cloud. Same problems, same starts,
+same references. The two take turns within one run, so that whatever else the machine does meets
+both.
 """
 
 import argparse
@@ -59,8 +61,8 @@ def mujoco_model(problems: ProblemSet, index: int) -> mujoco.MjModel:
         problems.mask[index],
         strict=True,
     ):
-        # A body each: MuJoCo's broad phase works on bodies. One that is masked collides with nothing,
-        # and is there because a rollout's models must be of one size.
+        # A body each: MuJoCo's broad phase works on bodies. One that is masked collides with
+        # nothing, and is there because a rollout's models must be of one size.
         geom = spec.worldbody.add_body(pos=position, quat=quaternion).add_geom()
         geom.type = SHAPES[kind]
         geom.size = [half[0], half[2], 0.0] if geom.type == SHAPES[1] else half
@@ -131,10 +133,12 @@ def main() -> None:
     rates = [(ours.rate(), theirs.rate()) for _ in range(arguments.repetitions)]
 
     print(
-        f"{device_name()}; {platform.machine()}, jax {jax.__version__}, mujoco {mujoco.__version__}; "
+        f"{device_name()}; {platform.machine()}, jax {jax.__version__}, mujoco "
+        f"{mujoco.__version__}; "
         f"{arguments.task}, batch {arguments.batch}, {len(ids)} scenes of {obstacles.min()} to "
         f"{obstacles.max()} obstacles "
-        f"({', '.join(sorted({problems.family[i] for i in ids}))}), {arguments.steps} control steps, "
+        f"({', '.join(sorted({problems.family[i] for i in ids}))}), {arguments.steps} control "
+        "steps, "
         f"{arguments.repetitions} repetitions, C MuJoCo on {arguments.threads} threads\n"
     )
     print("| | control steps/s: median (min to max) | µs a control step |\n|---|---|---|")

@@ -1,4 +1,5 @@
-"""A policy in JAX: two pure functions for one environment. The runner vmaps and jits them with the world.
+"""A policy in JAX: two pure functions for one environment. The runner vmaps and jits them with the
+world.
 
 drpbench run --task FDO --problems 20 --policy examples.jax_policy:Approach --policy-arg gain=0.2
 """

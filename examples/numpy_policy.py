@@ -1,4 +1,5 @@
-"""A host policy in NumPy: an ordinary class, asked for a whole batch of instances at each control step.
+"""A host policy in NumPy: an ordinary class, asked for a whole batch of instances at each control
+step.
 
 drpbench run --task FDO --problems 20 --policy examples.numpy_policy:Approach --policy-arg gain=0.2
 """

@@ -1,4 +1,5 @@
-"""A policy in a process of its own: Python 3.8 or newer and NumPy, nothing of drpbench. Copy this file.
+"""A policy in a process of its own: Python 3.8 or newer and NumPy, nothing of drpbench. Copy this
+file.
 
 python examples/remote_policy.py 127.0.0.1:5555     # or the path of a Unix socket: /tmp/policy.sock
 drpbench run --task FDO --problems 20 --policy remote:127.0.0.1:5555
@@ -16,7 +17,8 @@ import numpy as np
 
 
 class Approach:
-    """Yours: change this class, and leave the rest. Arrays are NumPy's, with B instances in front."""
+    """Yours: change this class, and leave the rest. Arrays are NumPy's, with B instances in
+    front."""
 
     name, privileged, parameters = "approach", False, {"gain": 0.1, "most": 0.05}
 

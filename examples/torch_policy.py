@@ -1,4 +1,5 @@
-"""A host policy in PyTorch: tensors in, tensors out, without gradients. Needs `pip install "drpbench[torch]"`.
+"""A host policy in PyTorch: tensors in, tensors out, without gradients. Needs `pip install
+"drpbench[torch]"`.
 
 drpbench run --task FDO --problems 20 --policy examples.torch_policy:Approach --policy-arg gain=0.2
 """

@@ -68,7 +68,8 @@ def _photograph(address: str) -> Image.Image:
             time.sleep(2.0)
             # viser warns of rendering without a GPU; that is this picture's business alone.
             opened.js(
-                "document.querySelectorAll('.mantine-Notification-closeButton').forEach(b => b.click())"
+                "document.querySelectorAll('.mantine-Notification-closeButton').forEach(b => "
+                "b.click())"
             )
             opened.screenshot(path)
             shot = np.asarray(Image.open(path).convert("RGB"))

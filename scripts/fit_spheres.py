@@ -3,8 +3,8 @@
     python scripts/fit_spheres.py [FOLDER]
 
 FOLDER holds panda_collision.xml or panda.xml and its assets; without it the meshes are looked for
-where `drpbench.robot.find_mesh_model` looks. Writes drpbench/robot/arms/panda/spheres.json and surface.json. Deterministic on one
-machine: every random draw is seeded.
+where `drpbench.robot.find_mesh_model` looks. Writes spheres.json and surface.json into
+drpbench/robot/arms/panda. Deterministic on one machine: every random draw is seeded.
 
 Three steps a link. A sphere centred at c may have radius E - sdf(c), where E is the excess the
 link is allowed; so the fewest spheres are a minimum set cover of the mesh surface by such balls

@@ -22,6 +22,16 @@ install_import_hook(
     "beartype.beartype",
 )
 
+# Each of these fixtures compiles a rollout or draws problems with a planner.
+SLOW_FIXTURES = {"compiled", "drawn", "finished", "rolled"}
+
+
+def pytest_collection_modifyitems(items):
+    """Marks as slow every test that asks for a slow fixture; other slow tests carry the mark."""
+    for item in items:
+        if SLOW_FIXTURES & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.slow)
+
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):

@@ -13,7 +13,8 @@ from drpbench.robot import PANDA
 
 
 def boxes(*placed, width=2):
-    """Boxes from (centre, half extents) or (centre, half extents, rotation), padded with masked ones."""
+    """Boxes from (centre, half extents) or (centre, half extents, rotation), padded with masked
+    ones."""
     width = max(width, len(placed))
     half_size = np.full((width, 3), 0.01, np.float32)
     position = np.zeros((width, 3), np.float32)
@@ -43,8 +44,8 @@ def _bodies():
 
 
 def bodies(q):
-    """Of configurations (B, 7): sphere centres (B, S, 3), grip's positions (B, 3) and quaternions (B, 4),
-    self-clearance (B,). Computed 64 at a time, so that it is compiled once."""
+    """Of configurations (B, 7): sphere centres (B, S, 3), grip's positions (B, 3) and quaternions
+    (B, 4), self-clearance (B,). Computed 64 at a time, so that it is compiled once."""
     q = np.atleast_2d(np.asarray(q, np.float32))
     parts = []
     for first in range(0, len(q), 64):

@@ -47,7 +47,10 @@ def test_help_needs_half_a_second(tmp_path):
 
 
 def test_help_imports_nothing_heavy():
-    code = "import sys, drpbench.cli; print([m for m in ('jax', 'mujoco', 'numpy') if m in sys.modules])"
+    code = (
+        "import sys, drpbench.cli; print([m for m in ('jax', 'mujoco', 'numpy') if m in "
+        "sys.modules])"
+    )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert shown.stdout.strip() == "[]"
 
@@ -129,6 +132,7 @@ def test_a_run_without_out_finds_a_name_of_its_own(tmp_path):
         os.chdir(here)
 
 
+@pytest.mark.slow
 def test_a_killed_run_resumes_to_the_same_rows(finished, tmp_path):
     folder, _ = finished
     command = [sys.executable, "-m", "drpbench", *RUN, "--out", "killed.json.gz"]
@@ -210,6 +214,7 @@ def test_list_shows_tasks_and_policies(tmp_path):
         assert name in shown
 
 
+@pytest.mark.slow
 def test_doctor_finds_this_installation_sound(tmp_path):
     shown = drpbench("doctor", cwd=tmp_path)
     assert shown.returncode == 0, shown.stdout

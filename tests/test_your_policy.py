@@ -1,4 +1,5 @@
-"""What docs/your-policy.md promises: its snippets, the examples, and `drpbench new-policy`, as a user meets them."""
+"""What docs/your-policy.md promises: its snippets, the examples, and `drpbench new-policy`, as a
+user meets them."""
 
 import importlib
 import importlib.util
@@ -142,6 +143,7 @@ def drpbench_command(*arguments, cwd, path=""):
     )
 
 
+@pytest.mark.slow
 def test_a_new_policy_installs_and_runs_as_it_is(tmp_path):
     made = drpbench_command("new-policy", "own-idea", cwd=tmp_path)
     assert made.returncode == 0 and "own_idea/policy.py" in made.stdout
@@ -198,6 +200,7 @@ class Hangs:
 """
 
 
+@pytest.mark.slow
 def test_a_policy_that_hangs_for_ever_fails_its_batch_and_the_program_ends(tmp_path):
     (tmp_path / "own_hangs.py").write_text(HANGS)
     run = ["run", "--task", "FDO", "--problems", "2", "--batch-size", "1", "--out", "r.json"]

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from drpbench.cli.extras import require
 from drpbench.errors import InputError
 
 
@@ -23,6 +24,7 @@ def data(
     ] = None,
 ) -> None:
     """Make demonstrations: draw training problems, solve them, write shards. Goes on where it stopped."""
+    require("train", "drpbench data")
     from drpbench.generation.training_problems import TRAINING_STREAM
     from drpbench.learning.demonstrations import Shards
     from drpbench.learning.production import SHARD, fill
@@ -62,6 +64,7 @@ def correct(
 
     Then train with --data twice: the demonstrations and these. Goes on where it stopped.
     """
+    require("train", "drpbench correct")
     from drpbench.learning.corrections import fill_corrections
     from drpbench.learning.demonstrations import Shards, read
     from drpbench.learning.production import SHARD
@@ -127,6 +130,7 @@ def train(
     ] = None,
 ) -> None:
     """Train IMPACT by behaviour cloning. Checkpoints, a CSV, a plot and weights lie in the run's folder."""
+    require("train", "drpbench train")
     if network != "impact":
         raise InputError(f"cannot train {network!r}; there is: impact")
     for name, number in (

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from drpbench.cli.extras import require
 from drpbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ def recorder(
 ) -> Recorder:
     """What a run shows its batches to, to have MCAP files in a folder beside `out`: of the first `count`
     of the instances wanted of each task (None: all of a task that has so many in all)."""
+    require("record", "--record")
     from drpbench.recording import Recorder
     from drpbench.results.names import recordings_folder
 
@@ -81,6 +83,7 @@ def replay(
     Taken from the run's trajectories where there are any; else the episode is run again. Files that are
     there are replaced.
     """
+    require("record", "drpbench replay")
     if result.suffix == ".mcap":
         _say_what_it_is(result)
         return

@@ -114,6 +114,7 @@ def test_it_holds_back_from_a_joint_limit(act):
         assert (held < free).all()
 
 
+@pytest.mark.slow
 def test_it_reaches_free_goals_and_keeps_the_joint_limits(drive):
     start = postures(LANES, seed=5)
     away = np.random.default_rng(5).uniform(-1.5, 1.5, start.shape)

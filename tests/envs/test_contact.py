@@ -38,7 +38,8 @@ def sphere_jacobians():
 
 @pytest.fixture(scope="module")
 def touching():
-    """64 arms in motion, each with a turned box on one of its spheres and another that is masked."""
+    """64 arms in motion, each with a turned box on one of its spheres and another that is
+    masked."""
     rng = np.random.default_rng(0)
     q = postures(COUNT, seed=1)
     qd = (rng.uniform(-0.5, 0.5, (COUNT, 7)) * PANDA.velocity_limit).astype(np.float32)
@@ -73,7 +74,8 @@ def from_box(points, obstacles):
 
 
 def by_virtual_work(q, qd, obstacles, jacobians):
-    """Torque (7,) by J^T f over the deepest sphere of each frame; clearance; the sphere it is of."""
+    """Torque (7,) by J^T f over the deepest sphere of each frame; clearance; the sphere it is
+    of."""
     model = PANDA.moving_spheres
     centers = bodies(q)[0][0].astype(float)
     distance, gradient = from_box(centers, obstacles)
@@ -179,6 +181,7 @@ def walls(seed, joints, step):
     raise AssertionError("too few arms reach behind a wall")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("joints", "step", "usual", "deepest"), [(1, 1.8, 0.02, 0.03), (7, 1.2, 0.03, 0.05)]
 )

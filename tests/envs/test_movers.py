@@ -78,8 +78,8 @@ def test_rotations_are_proper_and_without_preference():
 
 @pytest.fixture(scope="module")
 def placed():
-    """Where a box goes along x when 32 places in [0, 1] are drawn, those below 0.3 are not allowed, and
-    the arm is one sphere at x = 0.5; and the places drawn."""
+    """Where a box goes along x when 32 places in [0, 1] are drawn, those below 0.3 are not allowed,
+    and the arm is one sphere at x = 0.5; and the places drawn."""
 
     def draw(key):
         return jnp.array([1.0, 0.0, 0.0]) * jax.random.uniform(key)

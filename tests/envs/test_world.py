@@ -16,6 +16,8 @@ from drpbench.robot import PANDA
 
 from ..scenes import batch, bodies, boxes, postures, problem
 
+pytestmark = pytest.mark.slow
+
 LANES, STEPS = 8, 20
 
 

@@ -19,7 +19,8 @@ FOREARM = int(np.argmax(PANDA.moving_spheres.link == PANDA.link_names.index("lin
 
 
 def trace(**changed):
-    """One arm that never moves, at its goal, 10 cm from everything; changed as told, (T, ...) arrays."""
+    """One arm that never moves, at its goal, 10 cm from everything; changed as told, (T, ...)
+    arrays."""
     still = {
         "joint_position": np.tile(PANDA.home, (STEPS, 1)),
         "joint_velocity": np.zeros((STEPS, 7)),

@@ -42,7 +42,8 @@ def problem_set(*boxes) -> ProblemSet:
 
 
 def recording(joints, movers=0) -> dict[str, np.ndarray]:
-    """Joints (T + 1, 7), moving evenly between the records, and so many boxes of 0.2 m that do not exist."""
+    """Joints (T + 1, 7), moving evenly between the records, and so many boxes of 0.2 m that do not
+    exist."""
     joints = np.asarray(joints, np.float32)
     steps = len(joints) - 1
     return {
@@ -88,7 +89,8 @@ def arm():
 
 
 def front(arm, q) -> tuple[float, str]:
-    """The largest x [m] of any collision geom of link1 to the fingers at joints `q`, and its link."""
+    """The largest x [m] of any collision geom of link1 to the fingers at joints `q`, and its
+    link."""
     model, data = arm
     data.qpos[:7] = q
     mujoco.mj_kinematics(model, data)
@@ -224,7 +226,8 @@ def test_the_middle_is_where_the_velocity_leads_back_to(checker, row):
 @needs_meshes
 @pytest.mark.parametrize("task", ["SE", "SAO"])
 def test_the_slots_see_what_a_model_made_for_the_scene_sees(checker, task):
-    """Distances over real scenes, against MuJoCo's pairwise distance on a freshly compiled model."""
+    """Distances over real scenes, against MuJoCo's pairwise distance on a freshly compiled
+    model."""
     problems = load(task)
     rng = np.random.default_rng(0)
     kinds = [

@@ -44,7 +44,8 @@ def fdo(shipped):
 
 @pytest.fixture
 def again(monkeypatch):
-    """Lets `verify` see the rows it is given here instead of running them; the requests are kept."""
+    """Lets `verify` see the rows it is given here instead of running them; the requests are
+    kept."""
     requests = []
 
     def answers(result):
@@ -70,6 +71,7 @@ def changed(result, index, **changes):
     return Result(header=result.header, rows=rows)
 
 
+@pytest.mark.slow
 def test_rows_run_again_have_the_same_verdict(fdo):
     found = verify("x.json", fdo, 8, 0, Silent())
     assert found.rows == 8 and found.reproduced

@@ -57,7 +57,8 @@ def test_the_obstructed_share_is_what_is_stated():
 
 
 def test_no_test_problem_is_among_those_learned_from():
-    """Neither its start nor its goal ever comes up: the streams share nothing, whatever the number."""
+    """Neither its start nor its goal ever comes up: the streams share nothing, whatever the
+    number."""
     known = {
         row.tobytes()
         for task in TASKS

@@ -104,7 +104,8 @@ normal_of = jit(normal)
 
 @st.composite
 def encounters(draw):
-    """One primitive and POINTS points: deep inside, in contact, close by, far off, on its symmetries."""
+    """One primitive and POINTS points: deep inside, in contact, close by, far off, on its
+    symmetries."""
     kind = draw(st.sampled_from([BOX, CYLINDER, SPHERE]))
     # 0.5 mm to 0.5 m each, so that plates, rods and specks all come up.
     sizes = [5e-4 * 10.0 ** draw(st.floats(0.0, 3.0)) for _ in range(3)]

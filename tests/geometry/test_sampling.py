@@ -134,7 +134,8 @@ def test_a_cylinder_gets_points_on_caps_and_side_evenly():
     np.testing.assert_allclose(rho[side], radius, atol=1e-6)
     cap, mantle = np.pi * radius**2, 2 * np.pi * radius * 2 * height
     assert_shares([top.sum(), bottom.sum(), side.sum()], [cap, cap, mantle])
-    # Even over a disc: the square of the radius is uniform. Even over the side: height and angle are.
+    # Even over a disc: the square of the radius is uniform. Even over the side: height and angle
+    # are.
     for part, coordinate in ((top, (rho / radius) ** 2), (bottom, (rho / radius) ** 2)):
         assert kstest(coordinate[part], "uniform").pvalue > 1e-4
     assert kstest(z[side] / (2 * height) + 0.5, "uniform").pvalue > 1e-4

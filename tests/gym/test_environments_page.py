@@ -1,8 +1,12 @@
-"""docs/environments.md: the functions' snippet runs as it stands. (The other one: test_vector.py.)"""
+"""docs/environments.md: the functions' snippet runs as it stands. (The other one:
+test_vector.py.)"""
 
 import numpy as np
+import pytest
 
 from .snippets import snippet
+
+pytestmark = pytest.mark.slow
 
 
 def test_the_functions_snippet_runs():

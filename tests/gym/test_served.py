@@ -1,4 +1,5 @@
-"""Problems to learn from in the tasks' form: free by an engine of its own, and none of the benchmark's."""
+"""Problems to learn from in the tasks' form: free by an engine of its own, and none of the
+benchmark's."""
 
 import jax
 import numpy as np
@@ -11,7 +12,8 @@ from drpbench.problems import load
 from drpbench.robot import PANDA
 from drpbench.rollout.batch import instance_key
 
-# Numbers 1 and 10 have a box on their goal, so that 2 and 11 stand for them; 25 is on the bare table.
+# Numbers 1 and 10 have a box on their goal, so that 2 and 11 stand for them; 25 is on the bare
+# table.
 IDS = [*range(11), 25]
 
 

@@ -12,6 +12,8 @@ from gymnasium.utils.env_checker import check_env
 import drpbench.gym
 from drpbench.envs import TASKS
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def env():

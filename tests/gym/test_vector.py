@@ -17,6 +17,8 @@ from drpbench.robot import PANDA
 
 from .snippets import snippet
 
+pytestmark = pytest.mark.slow
+
 LANES = 4
 
 
@@ -26,7 +28,8 @@ def envs():
 
 
 def driven(envs, ids=None, policy="straight"):
-    """The outcome of an episode of a policy that carries nothing, and where each lane first collided."""
+    """The outcome of an episode of a policy that carries nothing, and where each lane first
+    collided."""
     policy = choose(policy).policy
     act = jax.jit(jax.vmap(lambda seen: policy.act(Observation(**seen), (), None)[0]))
     observation, info = envs.reset(options=None if ids is None else {"id": ids})
@@ -42,7 +45,8 @@ def driven(envs, ids=None, policy="straight"):
 
 
 def shipped(task, wanted, policy="straight"):
-    """Rows of `drpbench run --policy straight`, `wanted` of each verdict, none of them by a hair."""
+    """Rows of `drpbench run --policy straight`, `wanted` of each verdict, none of them by a
+    hair."""
     rows = load(shipped_results() / f"{policy}.json.gz").rows
     clear = [
         row for row in rows if row.task == task and row.valid and abs(row.min_clearance) > 0.01

@@ -1,4 +1,5 @@
-"""Submitting: what contradicts itself is refused in one line, and a correct result finds its place."""
+"""Submitting: what contradicts itself is refused in one line, and a correct result finds its
+place."""
 
 import gzip
 import json
@@ -36,7 +37,8 @@ def restricted(result, tasks, **changes):
 
 
 def edited(result, wanted, **changes):
-    """The result with one row changed by hand, the first that `wanted` picks; the schema lets it pass."""
+    """The result with one row changed by hand, the first that `wanted` picks; the schema lets it
+    pass."""
     rows = list(result.rows)
     index = next(i for i, row in enumerate(rows) if wanted(row))
     rows[index] = Row(**(rows[index].model_dump() | changes))

@@ -1,4 +1,5 @@
-"""What the network is shown is what the world shows, and what it is asked for leads along the path."""
+"""What the network is shown is what the world shows, and what it is asked for leads along the
+path."""
 
 import jax
 import jax.numpy as jnp
@@ -99,7 +100,8 @@ def test_clouds_without_obstacles_are_empty(demonstrations):
 
 
 def test_some_clouds_are_denser_on_some_obstacles(demonstrations):
-    """The share of points on an obstacle varies more between clouds than chance alone would have it."""
+    """The share of points on an obstacle varies more between clouds than chance alone would have
+    it."""
     scene = jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), demonstrations.obstacles())
     high = jax.vmap(lambda key: jnp.mean(batches.cloud(key, scene, 512)[0][:, 2] > 0.02))(
         jax.random.split(jax.random.key(0), 64)

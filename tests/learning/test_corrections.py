@@ -20,6 +20,8 @@ from drpbench.planning.clearance_cost import gaps
 from drpbench.planning.path_check import check_path
 from drpbench.policies import Straight
 
+pytestmark = pytest.mark.slow
+
 
 def walk(touch=None, arrive=None):
     """A straight walk towards a goal at 1 rad; it touches, or arrives, at a step."""

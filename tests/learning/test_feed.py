@@ -1,4 +1,5 @@
-"""Demonstrations straight from the expert: they flow, the newest replace the oldest, faults are told."""
+"""Demonstrations straight from the expert: they flow, the newest replace the oldest, faults are
+told."""
 
 import jax
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 from drpbench.learning import feed as feeds
 from drpbench.learning.demonstrations import DataError
 from drpbench.learning.production import Production
+
+pytestmark = pytest.mark.slow
 
 
 class Source(Production):

@@ -22,6 +22,8 @@ from drpbench.problems import ProblemSet
 
 from .test_pretraining import Fixed
 
+pytestmark = pytest.mark.slow
+
 COUNT = 16
 SLIM = ImpactSize(
     scene_points=128,

@@ -1,4 +1,5 @@
-"""Training lowers its loss, is the same on any number of devices, and goes on after a cut as if it had not been."""
+"""Training lowers its loss, is the same on any number of devices, and goes on after a cut as if it
+had not been."""
 
 import json
 import os
@@ -16,6 +17,8 @@ from drpbench.learning.history import History
 from drpbench.learning.pretraining import Pretraining, Settings
 from drpbench.policies.networks.impact import SIZES, ImpactSize
 from drpbench.policies.weights import card
+
+pytestmark = pytest.mark.slow
 
 TINY = ImpactSize(
     scene_points=64,

@@ -1,4 +1,5 @@
-"""The collision checkers against MuJoCo models compiled for one scene alone, and against each other."""
+"""The collision checkers against MuJoCo models compiled for one scene alone, and against each
+other."""
 
 import json
 

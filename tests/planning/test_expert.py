@@ -19,6 +19,8 @@ from drpbench.robot import PANDA
 
 from ..scenes import boxes, postures
 
+pytestmark = pytest.mark.slow
+
 LEFT, RIGHT = (PANDA.home + [side, 0, 0, 0, 0, 0, 0] for side in (1.3, -1.3))
 LEFT, RIGHT = LEFT.astype(np.float32), RIGHT.astype(np.float32)
 TABLE = ((0.4, 0.0, -0.025), (0.9, 1.0, 0.025))

@@ -26,6 +26,8 @@ from drpbench.rollout import Rollout
 from drpbench.rollout.batch import take
 from drpbench.rollout.host import HostRollout
 
+pytestmark = pytest.mark.slow
+
 
 def hosted(policy, build, **settings):
     """Under DCP-RMP, so that one compiled world serves all tests."""
@@ -122,7 +124,8 @@ def test_host_and_jax_policies_go_the_same_way_under_dcp_rmp(sound):
     trace, _, seen = sound
     jitted = Rollout(TASKS["FDO"], DcpRmp(Straight()), lanes=LANES).run(take(load("FDO"), IDS))
     for name in ("joint_position", "grip_position", "clearance", "mover_position"):
-        # Later on DCP-RMP turns to another sphere a step sooner or later, and rounding is amplified.
+        # Later on DCP-RMP turns to another sphere a step sooner or later, and rounding is
+        # amplified.
         np.testing.assert_allclose(
             getattr(trace, name)[:25], getattr(jitted, name)[:25], atol=1e-5, err_msg=name
         )
@@ -309,8 +312,8 @@ def test_a_policy_for_pytorch_says_how_to_get_it(monkeypatch):
 
 
 def test_dlpack_hands_out_jaxs_own_memory(monkeypatch):
-    """NumPy stands in for PyTorch: both read DLPack, and what is checked is that nothing is copied, but for
-    the mask (not every PyTorch reads booleans)."""
+    """NumPy stands in for PyTorch: both read DLPack, and what is checked is that nothing is copied,
+    but for the mask (not every PyTorch reads booleans)."""
     from contextlib import nullcontext
 
     from drpbench.plugins.host import HANDED

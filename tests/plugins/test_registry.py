@@ -57,9 +57,11 @@ def test_parameters_name_every_number():
     assert len(found) == len(leaves) + 1  # and the number of Euler steps, which is static
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_every_policy_keeps_the_protocol(name):
-    """A pytree; pure; vmapped with itself shared; targets (7,) float32; a carry whose form never changes."""
+    """A pytree; pure; vmapped with itself shared; targets (7,) float32; a carry whose form never
+    changes."""
     try:
         policy = make(name)
     except WeightsError as error:

@@ -1,4 +1,5 @@
-"""Policies behind a socket: the example's side and ours, byte by byte, and whoever else may answer there."""
+"""Policies behind a socket: the example's side and ours, byte by byte, and whoever else may answer
+there."""
 
 import ast
 import importlib.util

@@ -182,7 +182,8 @@ def by_brute_force(policy, before, now, body_point):
 
 
 def frames(seed, step=0.002, distance=(0.0, 0.15)):
-    """Two frames of 150 points about an arm in motion: a third of them, 2 cm apart, move together."""
+    """Two frames of 150 points about an arm in motion: a third of them, 2 cm apart, move
+    together."""
     rng = np.random.default_rng(seed)
     q, goal = postures(2, seed)
     centers, radius = bodies(q)[0][0], PANDA.moving_spheres.radius

@@ -22,7 +22,8 @@ SEED = 5
 
 @pytest.fixture(scope="session")
 def rolled():
-    """The blind straight line under DCP-RMP on three problems of FDO: ids, trace, rows, episodes."""
+    """The blind straight line under DCP-RMP on three problems of FDO: ids, trace, rows,
+    episodes."""
     policy, problems = DcpRmp(Straight()), load("FDO")
     trace = Rollout(TASKS["FDO"], policy, SEED, lanes=len(IDS)).run(take(problems, IDS))
     return SimpleNamespace(

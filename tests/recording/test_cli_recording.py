@@ -9,6 +9,8 @@ from drpbench.cli.recording import parse_count, with_all
 from drpbench.errors import InputError
 from drpbench.results import save
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("given", "meant"),

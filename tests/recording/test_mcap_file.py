@@ -142,7 +142,8 @@ def test_points_lie_on_the_boxes(files, rolled):
 
 
 def test_dcp_rmp_shows_what_it_gives_way_to(files, rolled):
-    """Its line leads from the arm to a point on a moving box, and only while the goal is modified."""
+    """Its line leads from the arm to a point on a moving box, and only while the goal is
+    modified."""
     shown = 0
     for (found, _), episode in zip(files, rolled.episodes, strict=True):
         movers = episode.boxes

@@ -34,7 +34,8 @@ def test_clearance_errors_and_collisions_are_those_of_the_trace(rolled):
 
 
 def test_the_contact_point_is_on_the_obstacle_beside_the_link(rolled):
-    """A sphere of the arm is at most 8 cm across, so its link's frame is not far from what it touches."""
+    """A sphere of the arm is at most 8 cm across, so its link's frame is not far from what it
+    touches."""
     for found in rolled.episodes:
         seen = motion(found)
         for instant in np.flatnonzero(seen.touching):

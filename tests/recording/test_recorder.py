@@ -1,4 +1,5 @@
-"""A run that is killed leaves whole files only, and the run that goes on with it makes the others."""
+"""A run that is killed leaves whole files only, and the run that goes on with it makes the
+others."""
 
 import os
 import signal
@@ -11,6 +12,8 @@ from mcap.reader import make_reader
 
 from drpbench.recording import Recorder
 from drpbench.results import load, save
+
+pytestmark = pytest.mark.slow
 
 IDS = range(6)
 # As `drpbench`, in batches of two that are really of two.

@@ -60,7 +60,8 @@ def test_an_episode_becomes_thirty_frames_a_second(rolled, tmp_path, kind):
 
 
 def test_a_grid_frames_each_episode_by_how_it_goes(rolled, tmp_path):
-    """Three in two columns: the one that collided has a red frame from then on, the empty place is white."""
+    """Three in two columns: the one that collided has a red frame from then on, the empty place is
+    white."""
     b = next(b for b, row in enumerate(rolled.rows) if row.collided)
     first = rolled.rows[b].first_collision_step + 1
     order = [b, *(other for other in range(3) if other != b)]

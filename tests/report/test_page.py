@@ -405,7 +405,8 @@ def test_pictures_of_failures_open_the_recordings_beside_the_results(browser, tm
     js = browser.js
     figures = (
         "[...document.querySelectorAll('#pictures figure')].map(f => [f.querySelector('img').alt,"
-        " [...f.querySelectorAll('a')].map(a => a.getAttribute('href')), f.querySelector('code')?.textContent])"
+        " [...f.querySelectorAll('a')].map(a => a.getAttribute('href')), "
+        "f.querySelector('code')?.textContent])"
     )
     video, recording = "runs/my%20good/FDO-00002.mp4", "runs/my%20good/FDO-00002.mcap"
     assert js(figures) == [
@@ -418,12 +419,16 @@ def test_pictures_of_failures_open_the_recordings_beside_the_results(browser, tm
     ]
     assert js("[...document.images].every(i => i.complete && i.naturalWidth === 1)")
     assert js(
-        "[...document.querySelectorAll('#failed a')].map(a => [a.getAttribute('href'), a.textContent])"
+        "[...document.querySelectorAll('#failed a')].map(a => [a.getAttribute('href'), "
+        "a.textContent])"
     ) == [[video, "video"], [recording, "recording"]]
     grids = "[...document.querySelectorAll('#failures > p a')].map(a => [a.href, a.textContent])"
     there = (tmp_path / "runs" / "my good" / "FDO-grid-4.mp4").as_uri()
     assert js(grids) == [[there, "runs/my good/FDO-grid-4.mp4"]]
-    choose = "{const c = document.getElementById('task'); c.value = 0; c.dispatchEvent(new Event('change'))}"
+    choose = (
+        "{const c = document.getElementById('task'); c.value = 0; c.dispatchEvent(new "
+        "Event('change'))}"
+    )
     js(choose)
     assert [figure[2] is None for figure in js(figures)] == [False]
     assert browser.errors == []

@@ -333,6 +333,7 @@ def child(tmp_path, make_header, make_row):
     return start
 
 
+@pytest.mark.slow
 def test_a_run_killed_over_and_over_loses_and_repeats_nothing(path, make_header, make_row, child):
     safe = set()
     for blocks_before_kill in (0, 1, 3):
@@ -353,6 +354,7 @@ def test_a_run_killed_over_and_over_loses_and_repeats_nothing(path, make_header,
     assert [row.id for row in load(path).rows] == list(range(6000))  # nothing lost
 
 
+@pytest.mark.slow
 def test_a_kill_inside_an_append_resumes(path, partial, make_header, child):
     process = child(die_at=3)
     told, _ = process.communicate()

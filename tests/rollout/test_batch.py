@@ -17,6 +17,8 @@ from drpbench.rollout.batch import Trace, instance_key, take
 
 from ..scenes import bodies
 
+pytestmark = pytest.mark.slow
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Golden first observations: an instance must begin the same way in every version to come.
 
-`python tests/evaluation/test_first_observations.py` writes the golden file anew, which changes what every
-published score means: only with a new problem set or protocol version.
+`python tests/evaluation/test_first_observations.py` writes the golden file anew, which changes what
+every published score means: only with a new problem set or protocol version.
 """
 
 import hashlib
@@ -17,12 +17,15 @@ from drpbench.envs import TASKS, World
 from drpbench.problems import load
 from drpbench.rollout.batch import instance_key, take
 
+pytestmark = pytest.mark.slow
+
 GOLDEN = Path(__file__).parent / "first_observations.json"
 IDS = [0, 1, 5]
 
 
 def digest(task: str) -> dict:
-    """Random keys as a hash, exact; what is computed in floating point as sums, to be compared closely."""
+    """Random keys as a hash, exact; what is computed in floating point as sums, to be compared
+    closely."""
     problems = take(load(task), IDS)
     world = World(TASKS[task])
 

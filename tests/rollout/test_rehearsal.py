@@ -10,12 +10,15 @@ from drpbench.problems import load
 from drpbench.rollout import Rollout
 from drpbench.rollout.batch import take
 
+pytestmark = pytest.mark.slow
+
 IDS = [0, 1, 2, 100, 101, 102, 200, 201]
 
 
 @pytest.fixture(scope="module")
 def passes():
-    """Both passes of the blind straight line on eight problems, and what was told of the progress."""
+    """Both passes of the blind straight line on eight problems, and what was told of the
+    progress."""
     rollout, told, episodes = Rollout(TASKS["SAO"], Straight(), lanes=8), [], []
     whole = rollout._episode
 

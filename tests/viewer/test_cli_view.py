@@ -8,6 +8,8 @@ import time
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 COMPILES = 400  # [s] generous: compiling takes most of it
 COMMAND = [sys.executable, "-m", "drpbench", "view"]
 

@@ -12,6 +12,8 @@ from drpbench.problems import load
 from drpbench.rollout.batch import instance_key, take
 from drpbench.viewer.furniture import SHARE, SPARE, Furniture, with_room
 
+pytestmark = pytest.mark.slow
+
 ID = 3
 TASK = "GB"  # of its problems the odd ones are furnished
 

@@ -12,6 +12,8 @@ from PIL import Image
 
 from drpbench.errors import InputError
 
+pytestmark = pytest.mark.slow
+
 viser = pytest.importorskip("viser", reason="viser is not installed (extra `viewer`)")
 from drpbench.viewer.page import (  # noqa: E402
     NO_SOLUTION,

@@ -19,6 +19,8 @@ from drpbench.viewer.simulation import FOLLOW_SPEED
 
 from .conftest import FURNISHED
 
+pytestmark = pytest.mark.slow
+
 
 def finished(simulation, id):
     simulation.open(id)

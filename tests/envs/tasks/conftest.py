@@ -45,7 +45,8 @@ def _alive(name):
 
 @pytest.fixture(scope="session")
 def crowd():
-    """200 arms with their goals before them, as problems of levels 1 and 2 by turns; and as `Arm`s."""
+    """200 arms with their goals before them, as problems of levels 1 and 2 by turns; and as
+    `Arm`s."""
     q = postures(400, seed=7)
     q = q[bodies(q)[1][:, 0] > -0.2][:COUNT]
     assert len(q) == COUNT
@@ -54,8 +55,8 @@ def crowd():
 
 @pytest.fixture(scope="session")
 def lives(crowd):
-    """A task's boxes over whole episodes among the 200 arms: born, last, (positions, velocities, active)
-    each (200, 1000, M, ...), valid."""
+    """A task's boxes over whole episodes among the 200 arms: born, last, (positions, velocities,
+    active) each (200, 1000, M, ...), valid."""
 
     def run(name, seed=0):
         problems, arms = crowd

@@ -18,7 +18,8 @@ STRIDE = 5
 
 @pytest.fixture(scope="module")
 def second():
-    """The second pass of arms that stay where they are, on recorded paths (B, 1000, 3): the boxes."""
+    """The second pass of arms that stay where they are, on recorded paths (B, 1000, 3): the
+    boxes."""
     task = TASKS["SAO"]
 
     def run(problem, arm, path, key):
@@ -53,7 +54,8 @@ def boxes(second, crowd, paths):
 
 @pytest.fixture(scope="module")
 def path_rooms():
-    """Distance [m] (B, 200) to the arm of a box (half sizes (B, 3), rotations) at every fifth pose."""
+    """Distance [m] (B, 200) to the arm of a box (half sizes (B, 3), rotations) at every fifth
+    pose."""
 
     def rooms(half_size, rotation, places, arm):
         return jax.vmap(

@@ -13,7 +13,8 @@ def episodes(lives):
 
 
 def column(born):
-    """How near [m] to the base's axis a box's centre may come: 0.25 m, or its bounding sphere off 0.12 m."""
+    """How near [m] to the base's axis a box's centre may come: 0.25 m, or its bounding sphere off
+    0.12 m."""
     return np.maximum(0.25, 0.12 + np.linalg.norm(np.asarray(born.half_size), axis=-1))
 
 

@@ -37,7 +37,8 @@ def episode():
 
 @pytest.fixture(scope="module")
 def blocked(episode, crowd):
-    """Problems whose goals lie 0.3 to 0.45 m (and for the last 50 0.6 m) beside the near arm's grip."""
+    """Problems whose goals lie 0.3 to 0.45 m (and for the last 50 0.6 m) beside the near arm's
+    grip."""
     problems, near = crowd
     far = arms_at(np.roll(np.asarray(problems.start), 1, axis=0))
     rng = np.random.default_rng(0)

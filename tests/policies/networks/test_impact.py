@@ -23,6 +23,8 @@ from drpbench.policies.networks.impact import (
 )
 from drpbench.robot import PANDA
 
+pytestmark = pytest.mark.slow
+
 TINY = ImpactSize(
     scene_points=64,
     scene_tokens=6,
@@ -234,7 +236,8 @@ def feeling():
 
 
 def with_points(center, radius=0.05):
-    """A scene far from the arm, and in it some points that only feelers look at, around a place [m]."""
+    """A scene far from the arm, and in it some points that only feelers look at, around a place
+    [m]."""
     _, mask, *rest = inputs()
     rng = np.random.default_rng(5)
     points = np.full((2, 2048, 3), [3.0, 3.0, 0.0]) + rng.normal(0.0, 0.1, (2, 2048, 3))
