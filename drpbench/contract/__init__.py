@@ -15,10 +15,9 @@ from .observation import ArraySpec as ArraySpec
 from .observation import Observation as Observation
 from .observation import Spec as Spec
 from .observation import observation_spec as observation_spec
+from .policy import OF_THE_WORLD as OF_THE_WORLD
 from .policy import Policy as Policy
 from .policy import Scalar as Scalar
-from .policy import is_of_the_world as is_of_the_world
-from .policy import of_the_world as of_the_world
 from .problem import Problem as Problem
 from .sensor import Sensor as Sensor
 from .verdict import REACH_ORIENTATION as REACH_ORIENTATION

@@ -1,6 +1,5 @@
 """The policy protocol: two pure functions for one environment. The runner vmaps and jits them."""
 
-from dataclasses import Field, field
 from typing import Any, Protocol, runtime_checkable
 
 from jaxtyping import Array, Float, PRNGKeyArray
@@ -10,18 +9,10 @@ from .observation import Observation
 Scalar = float | Float[Array, ""]
 """A number among a policy's parameters: a leaf of its pytree, so a traced array inside jit."""
 
-_WORLDS = "of the world"
-
-
-def of_the_world(default: Any) -> Any:
-    """A dataclass field that the world decides, not the policy: its arm (`robot`), or how long a control
-    step is (`control_period` [s]). Static under jit, and none of the parameters that a result states."""
-    return field(default=default, metadata={"static": True, _WORLDS: True})
-
-
-def is_of_the_world(of: Field) -> bool:
-    """Whether a field was made by `of_the_world`."""
-    return _WORLDS in of.metadata
+OF_THE_WORLD = ("robot", "control_period")
+"""Fields of a policy that the world decides, not the policy: its arm, and how long a control step is [s]. They
+are static under jit, are passed by name to whatever makes a policy, and are none of the parameters that a
+result states."""
 
 
 @runtime_checkable

@@ -2,7 +2,7 @@
 
 from typing import Any, Protocol, runtime_checkable
 
-from jaxtyping import Array, Bool, Float, Key
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from drpbench.robot import LinkPoses, Robot
 
@@ -24,7 +24,7 @@ class Sensor(Protocol):
         """N, how many points an observation has, those that are masked included."""
         ...
 
-    def reset(self, keys: Key[Array, "2"], problem: Problem, movers: int) -> Any:
+    def reset(self, keys: tuple[PRNGKeyArray, PRNGKeyArray], problem: Problem, movers: int) -> Any:
         """What the sensor carries through an episode with up to `movers` moving boxes.
 
         `keys` are two independent random keys: all of the sensor's randomness.

@@ -84,10 +84,10 @@ class World:
 
     def reset(self, problem: Problem, key: PRNGKeyArray) -> State:
         """The state before the first control step. All of the episode's randomness is `key`'s."""
-        keys = jax.random.split(key, 3)
+        task_key, *sensor_keys = jax.random.split(key, 3)
         start = jnp.asarray(problem.start)
         arm = Arm.of(self.robot, start)
-        movers, memory = self.task.reset(problem, arm, keys[0], self.episode)
+        movers, memory = self.task.reset(problem, arm, task_key, self.episode)
         zeros = jnp.zeros_like(start)
         return State(
             problem=problem,
@@ -97,7 +97,7 @@ class World:
             contact_torque=zeros,
             movers=movers,
             memory=memory,
-            cloud=self.sensor.reset(keys[1:], problem, self.task.movers),
+            cloud=self.sensor.reset(tuple(sensor_keys), problem, self.task.movers),
         )
 
     def second_pass(self, state: State, path: Float[Array, "steps 3"]) -> State:

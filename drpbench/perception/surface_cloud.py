@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Key, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from drpbench.contract import SCENE_POINTS, Movers, Problem
 from drpbench.geometry import Primitives, sample_surface
@@ -28,7 +28,9 @@ class SurfaceCloud:
 
     points: int = SCENE_POINTS
 
-    def reset(self, keys: Key[Array, "2"], problem: Problem, movers: int) -> Cloud:
+    def reset(
+        self, keys: tuple[PRNGKeyArray, PRNGKeyArray], problem: Problem, movers: int
+    ) -> Cloud:
         """The points of an episode: the static scene's are drawn with the first key, tickets with the second."""
         on_static, on_each = shares(movers, self.points)
         points, mask = sample_static(keys[0], problem.obstacles, on_static)

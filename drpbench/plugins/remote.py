@@ -19,8 +19,10 @@ from typing import Any
 
 import numpy as np
 
+from drpbench.contract import OBSERVED, HostObservation
+
 from .errors import PolicyError
-from .host import RESET_SHARE, Failed, HostObservation
+from .host import RESET_SHARE, Failed
 
 PROTOCOL = 1
 MAGIC = b"DRP1"
@@ -197,10 +199,10 @@ class Remote:
 
 def _arrays(observation: HostObservation) -> dict[str, np.ndarray]:
     """An observation's arrays by name; those of the obstacle models as `obstacles.position` and so on."""
-    arrays = dict(vars(observation))
-    obstacles = arrays.pop("obstacles")
-    if obstacles is not None:
-        arrays |= {f"obstacles.{name}": array for name, array in vars(obstacles).items()}
+    arrays = {name: getattr(observation, name) for name in OBSERVED}
+    if observation.obstacles is not None:
+        models = vars(observation.obstacles)
+        arrays |= {f"obstacles.{name}": array for name, array in models.items()}
     return arrays
 
 
