@@ -1,6 +1,6 @@
 """Host policies: ordinary Python objects, stepped outside jit, a batch of instances at a time."""
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from .observation import OBSERVED
 
@@ -29,6 +29,7 @@ class HostObservation:
         )
 
 
+@runtime_checkable
 class HostPolicy(Protocol):
     """A policy that is stepped outside jit. The attributes `arrays` and `privileged` may be left out."""
 

@@ -11,7 +11,7 @@ g come from the caller: DCP-RMP writes them as the paper does, 1 - 1 / (1 + exp(
 last digits do not, and the shipped results were made with each policy's own.
 """
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 from drpbench.contract import Scalar
 
 
+@runtime_checkable
 class LeafGains(Protocol):
     """The leaf's constants, for x in the unit u."""
 

@@ -22,8 +22,9 @@ from safetensors.numpy import save as serialised
 from drpbench.errors import DrpbenchError
 from drpbench.robot import PANDA, Robot
 
-from .networks.impact import ImpactSize, Parameters, shapes
+from .networks.impact import Parameters, shapes
 from .networks.impact_policy import Impact
+from .networks.impact_size import ImpactSize
 
 FOLDER = Path(__file__).parent / "weights"
 FORMAT = "drpbench-impact-1"

@@ -1,7 +1,7 @@
 """IMPACT as a policy: one inference a control step, of which one waypoint is commanded."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import jax
@@ -12,7 +12,8 @@ from drpbench.contract import EPISODE, Observation
 from drpbench.robot import PANDA, Robot
 
 from .chunks import commanded
-from .impact import ImpactSize, Parameters, apply
+from .impact import Parameters, apply
+from .impact_size import ImpactSize
 
 
 @jax.tree_util.register_dataclass
@@ -53,7 +54,9 @@ def _batching(size: ImpactSize, robot: Robot) -> Callable[..., Float[Array, "*ba
         return whole(parameters, *seen)
 
     @network.def_vmap
-    def _(count: int, batched: tuple, parameters: Parameters, *seen: Array) -> tuple[Array, bool]:
+    def _(
+        count: int, batched: Sequence, parameters: Parameters, *seen: Array
+    ) -> tuple[Array, bool]:
         of_parameters, *of_seen = batched
         if any(jax.tree.leaves(of_parameters)):
             axes = jax.tree.map(lambda is_batched: 0 if is_batched else None, batched)
