@@ -101,6 +101,8 @@ class Rmp:
         outward = point - scene[jnp.argmin(stored(squared_distances(point, scene)), axis=1)]
         normal = outward / jnp.maximum(jnp.linalg.norm(outward, axis=-1, keepdims=True), 1e-6)
 
-        moves = jax.vmap(point_jacobian, in_axes=(None, 0, 0))(poses, point, model.frames)
+        moves = jax.vmap(point_jacobian, in_axes=(None, 0, 0))(
+            poses, point, jnp.asarray(model.frames)
+        )
         jacobian = jnp.sum(jnp.swapaxes(moves, 1, 2) * normal[:, None], axis=-1)
         return jnp.maximum(clearance[closest] - self.point_radius, 0.0), jacobian

@@ -77,7 +77,7 @@ def first_clear(
     """
     places = jax.vmap(draw)(jax.random.split(key, 32))
 
-    def rate(place):
+    def rate(place: Float[Array, "3"]) -> Float[Array, ""]:
         clearance = clearance_of_box(half_size, rotation, place, centers, radii)
         return jnp.where(allowed(place), clearance, -jnp.inf)
 

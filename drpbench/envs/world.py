@@ -149,8 +149,8 @@ class World:
             return (q, qd, touch.torque, jnp.minimum(worst, touch.clearance), sphere), None
 
         motion = (state.joint_position, state.joint_velocity, state.contact_torque)
-        motion = (*motion, jnp.float32(FAR), jnp.int32(0))
-        (q, qd, torque, clearance, sphere), _ = jax.lax.scan(move, motion, None, length=SUBSTEPS)
+        begun = (*motion, jnp.float32(FAR), jnp.int32(0))
+        (q, qd, torque, clearance, sphere), _ = jax.lax.scan(move, begun, None, length=SUBSTEPS)
         poses = robot.link_poses(q)
         position, rotation = robot.grip_pose(poses)
         state = replace(

@@ -43,7 +43,7 @@ class Shown:
 
     def act(
         self, observation: Observation, carry: tuple[()], key: PRNGKeyArray | None
-    ) -> tuple[Observation, tuple[()]]:
+    ) -> tuple[Any, tuple[()]]:
         return observation, carry
 
 
@@ -186,7 +186,7 @@ def _as_torch(observation: Observation, count: int, policy: Any) -> _Handed:
     def tensor(leaf: jax.Array) -> Any:
         if leaf.dtype == bool:  # which not every PyTorch reads by DLPack
             return tensor(leaf.view(np.uint8)).view(torch.bool)
-        if leaf.device.platform == "cpu" or torch.cuda.is_available():
+        if all(device.platform == "cpu" for device in leaf.devices()) or torch.cuda.is_available():
             found = torch.from_dlpack(leaf)[:count]
         else:
             found = torch.from_numpy(np.array(np.asarray(leaf)[:count]))

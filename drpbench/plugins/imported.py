@@ -130,7 +130,7 @@ def _check_traceable(name: str, policy: Any, spec: Spec) -> None:
         raise PolicyError(
             f"{name} is no JAX policy: it has no attribute privileged (True or False)"
         )
-    if jax.tree.structure(policy) == jax.tree.structure(0.0):
+    if any(leaf is policy for leaf in jax.tree.leaves(policy)):
         raise PolicyError(
             f"{name} is no JAX pytree: make it a frozen dataclass under"
             " @jax.tree_util.register_dataclass"

@@ -133,7 +133,7 @@ def _split(name: str) -> tuple[str, list[str]]:
     """`straight+dcp-rmp` as its policy and what goes over it, innermost first."""
     if ":" in name:
         # A path may hold a plus; what is no wrapper at its end belongs to it.
-        base, wrappers = name, []
+        base, wrappers = name, list[str]()
         while (split := base.rpartition("+"))[2] in WRAPPERS:
             base, wrappers = split[0], [split[2], *wrappers]
         return base, wrappers

@@ -150,6 +150,8 @@ class Remote:
         return self._ask("act", observation, "targets", self.time_limit)
 
     def _ask(self, kind: str, observation: HostObservation, wanted: str, limit: float) -> Any:
+        if self._connection is None:
+            raise Failed("disconnected: the connection was lost before")
         try:
             header, arrays = self._connection.ask(packed(kind, _arrays(observation)), limit)
             if header.get("kind") == "error":
@@ -193,7 +195,8 @@ class Remote:
         raise PolicyError(f"{name}: {said}")
 
     def _hang_up(self) -> None:
-        self._connection.close()
+        if self._connection is not None:
+            self._connection.close()
         self._connection = None
 
 

@@ -125,7 +125,7 @@ class DcpRmp:
         position, rotation = self.robot.grip_pose(self.robot.link_poses(goal))
         seen = replace(
             observation,
-            goal_joints=goal,
+            goal_joints=jnp.asarray(goal),
             goal_position=position,
             goal_quaternion=matrix_to_quaternion(rotation),
         )

@@ -137,13 +137,16 @@ def _read(path: Path) -> tuple[dict[str, str], dict[str, np.ndarray]]:
 
 def _size(text: str) -> ImpactSize:
     """The sizes that a file states. Raises ValueError or TypeError."""
-    values = json.loads(text)
+    values: Any = json.loads(text)
     names = {field.name for field in fields(ImpactSize)}
     # A file from before a size existed is of a network without it: the defaults say so.
     since = {"feelers", "feeler_radius", "feeler_samples"}
     if not isinstance(values, dict) or not names - since <= values.keys() <= names:
         raise ValueError(f"they must be {', '.join(sorted(names))}")
-    return ImpactSize(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+    sizes: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in values.items()
+    }
+    return ImpactSize(**sizes)
 
 
 def _check(path: Path, found: Mapping[str, tuple], size: ImpactSize, robot: Robot) -> None:

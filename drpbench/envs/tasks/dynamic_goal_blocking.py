@@ -40,7 +40,7 @@ class DynamicGoalBlocking:
     def reset(
         self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode
     ) -> tuple[Movers, tuple[()]]:
-        goal = problem.goal_position
+        goal = jnp.asarray(problem.goal_position)
 
         def place(key: PRNGKeyArray) -> Float[Array, "3"]:
             return in_upper_shell(key, goal, 0.5, 0.6)
@@ -65,7 +65,8 @@ class DynamicGoalBlocking:
         episode: Episode,
     ) -> tuple[Movers, tuple[()]]:
         column = base_column_radius(movers.half_size, arm.base_radius)
-        movers = drift(movers, lambda p: _excess(p, problem.goal_position, column))
+        goal = jnp.asarray(problem.goal_position)
+        movers = drift(movers, lambda position: _excess(position, goal, column))
         removed = episode.steps - episode.lasting(_REMOVED)
         return replace(movers, active=movers.active & (clock < removed)), memory
 

@@ -51,7 +51,8 @@ class GoalBlocking:
         clock: Int[Array, ""],
         episode: Episode,
     ) -> tuple[Movers, _Memory]:
-        goal, removed = problem.goal_position, episode.steps - episode.lasting(_REMOVED)
+        goal = jnp.asarray(problem.goal_position)
+        removed = episode.steps - episode.lasting(_REMOVED)
         size_key, rotation_key = jax.random.split(jax.random.fold_in(memory.key, memory.tries))
         half_size = jax.random.uniform(size_key, (3,), minval=0.1, maxval=0.2)
         rotation = random_rotation(rotation_key)

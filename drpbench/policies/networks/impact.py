@@ -131,14 +131,14 @@ class PointTokens(nnx.Module):
     ) -> Float[Array, "*batch T H"]:
         """A token for each of `centers`; without them, for points of the cloud that are far apart."""
         batch = mask.shape[:-1]
-        points, mask, *features = (
+        points, mask, *felt = (
             leaf.reshape(-1, *leaf.shape[len(batch) :]) for leaf in (points, mask, *features)
         )
         if centers is None:
             centers = gather(points, farthest_points(points, mask, self.tokens))
         else:
             centers = centers.reshape(-1, *centers.shape[len(batch) :])
-        clouds = (points, mask, centers, *features)
+        clouds = (points, mask, centers, *felt)
         pooled = in_pieces(self._pooled, self.tokens * self.samples, *clouds)
         tokens = self.out(nnx.relu(self.norm(self.hidden(pooled))))
         tokens = tokens + positional_encoding(centers, tokens.shape[-1]).astype(tokens.dtype)
@@ -341,8 +341,8 @@ class ImpactNetwork(nnx.Module):
         memory = self.memory_norm(x)
         actions = self.actions[...].astype(self.dtype)
         x = jnp.broadcast_to(actions, (*x.shape[:-2], *actions.shape))
-        for layer in self.decoder:
-            x = layer(x, memory)
+        for decoding in self.decoder:
+            x = decoding(x, memory)
         return self.out(self.action_norm(x).astype(jnp.float32))
 
 

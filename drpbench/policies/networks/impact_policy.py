@@ -3,6 +3,7 @@
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -47,7 +48,8 @@ def _batching(size: ImpactSize, robot: Robot) -> Callable[..., Float[Array, "*ba
     """`apply`, given a whole batch at once where it is vmapped: it then knows the batch's size, and takes
     it in pieces that fit the cache."""
 
-    whole = functools.partial(apply, size, robot=robot)
+    def whole(parameters: Parameters, *seen: Any) -> Array:
+        return apply(size, parameters, *seen, robot=robot)
 
     @jax.custom_batching.custom_vmap
     def network(parameters: Parameters, *seen: Array) -> Array:
