@@ -10,7 +10,6 @@ import shlex
 import subprocess
 import sys
 import time
-from dataclasses import fields
 from pathlib import Path
 
 import jax
@@ -21,7 +20,8 @@ from typer.testing import CliRunner
 
 import drpbench.evaluation
 from drpbench.cli.app import app
-from drpbench.plugins.host import HANDED, HostObservation, answered
+from drpbench.contract import OBSERVED
+from drpbench.plugins.host import HANDED, answered
 from drpbench.plugins.registry import choose
 
 from .scenes import observation, postures
@@ -64,7 +64,7 @@ def answers(policy, seen):
         return np.asarray(jax.vmap(lambda o: policy.act(o, policy.init(o), None)[0])(seen))
     handed, _ = HANDED[getattr(policy, "arrays", "numpy")](seen, 5, policy)
     policy.reset(handed)
-    return answered(policy.act(handed), 5)
+    return answered(policy.act(handed), 5, 7)
 
 
 def needs_torch(source):
@@ -120,11 +120,9 @@ def test_every_command_of_the_page_is_understood(written, monkeypatch, command):
 
 def test_the_page_names_every_field_and_every_kind_of_failure():
     table = PAGE.split("## What it sees")[1].split("## What it answers")[0]
-    assert set(re.findall(r"^\| `(\w+)`", table, re.MULTILINE)) == {
-        of.name for of in fields(HostObservation)
-    }
+    assert set(re.findall(r"^\| `(\w+)`", table, re.MULTILINE)) == {*OBSERVED, "obstacles"}
     sources = "".join(
-        (ROOT / "drpbench" / "evaluation" / name).read_text() for name in ("host.py", "remote.py")
+        (ROOT / "drpbench" / "plugins" / name).read_text() for name in ("host.py", "remote.py")
     )
     kinds = set(re.findall(r'Failed\(\s*f?"(\w+): ', sources))
     told = set(re.findall(r"\| `(\w+): ", PAGE.split("## What counts as failure")[1]))

@@ -10,20 +10,19 @@ Leaves, each an acceleration with a metric, on the arm as it is now:
     joint limit  the same form in each joint's distance to either limit
 
 combined as qdd = (sum J^T M J)^-1 (sum J^T M xdd), and integrated once to the servo's target.
-The leaf's form is that of DCP-RMP (docs/protocol.md), in plain distance instead of squared.
+The obstacle leaf is that of `drpbench.policies.leaves`, which DCP-RMP has in squared distance.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from drpbench.compile import stored
 from drpbench.contract import Observation, Scalar
-from drpbench.policies import squared_distances
-from drpbench.robot import PANDA
+from drpbench.policies import obstacle_leaf, squared_distances
+from drpbench.robot import PANDA, Robot, point_jacobian
 
 _UNSEEN = 1.0e3  # [m]
 
@@ -53,43 +52,45 @@ class Rmp:
     mu_l: Scalar = 1.0
     period: Scalar = 1.0 / 18.0
     """[s] of the Euler step from acceleration to the velocity commanded."""
+    robot: Robot = field(default=PANDA, metadata={"static": True})
 
     privileged = False
 
-    def init(self, observation: Observation):
+    def init(self, observation: Observation) -> tuple[()]:
         return ()
 
-    def act(self, observation: Observation, carry, key):
+    def act(
+        self, observation: Observation, carry: tuple[()], key: PRNGKeyArray | None
+    ) -> tuple[Float[Array, " J"], tuple[()]]:
+        robot = self.robot
         q, qd = observation.joint_position, observation.joint_velocity
         distance, jacobian = self._nearest(observation)
         rate = jacobian @ qd
         closing = jax.nn.sigmoid(-rate / self.l_v)
-        push = self.k_p * jnp.exp(-distance / self.l_p)
-        push = push - self.k_v * closing * rate / (distance / self.l_d + self.eps_d)
         gate = jnp.square(jnp.maximum(1.0 - distance / self.r, 0.0))
-        weight = closing * gate * self.mu_r / (distance / self.l_m + self.eps_m)
+        push, weight = obstacle_leaf(self, distance, rate, closing, gate)
 
         away = observation.goal_joints - q
         length = jnp.linalg.norm(away)
         pull = self.k_g * away * self.soft / (self.soft + length) - self.k_d * qd
 
-        metric = self.mu_g * jnp.eye(7) + (jacobian.T * weight) @ jacobian
+        metric = self.mu_g * jnp.eye(robot.joints) + (jacobian.T * weight) @ jacobian
         force = self.mu_g * pull + jacobian.T @ (weight * push)
-        for room, sign in ((q - PANDA.joint_lower, 1.0), (PANDA.joint_upper - q, -1.0)):
+        for room, sign in ((q - robot.joint_lower, 1.0), (robot.joint_upper - q, -1.0)):
             limit = self.mu_l * jnp.square(jnp.maximum(1.0 - room / 0.1, 0.0)) / (room + 0.01)
             metric = metric + jnp.diag(limit)
             force = force + sign * limit * self.k_p * jnp.exp(-room / 0.05) - limit * qd
         acceleration = jnp.linalg.solve(metric, force)
 
-        most = jnp.asarray(PANDA.velocity_limit, q.dtype)
+        most = jnp.asarray(robot.velocity_limit, q.dtype)
         velocity = jnp.clip(qd + self.period * acceleration, -most, most)
-        return q + PANDA.servo_lag * velocity, carry
+        return q + robot.servo_lag * velocity, carry
 
-    def _nearest(self, observation: Observation) -> tuple[Float[Array, " F"], Float[Array, "F 7"]]:
+    def _nearest(self, observation: Observation) -> tuple[Float[Array, " F"], Float[Array, "F J"]]:
         """For each moving frame, the distance [m] from its closest sphere to its closest scene point, and
         that distance's Jacobian [m/rad]."""
-        model = PANDA.moving_spheres
-        poses = PANDA.link_poses(observation.joint_position)
+        model = self.robot.moving_spheres
+        poses = self.robot.link_poses(observation.joint_position)
         centers = model.world(poses)
         scene = jnp.where(observation.scene_mask[:, None], observation.scene_points, _UNSEEN)
         gap = jnp.sqrt(jnp.min(squared_distances(centers, scene), axis=1))
@@ -100,8 +101,8 @@ class Rmp:
         outward = point - scene[jnp.argmin(stored(squared_distances(point, scene)), axis=1)]
         normal = outward / jnp.maximum(jnp.linalg.norm(outward, axis=-1, keepdims=True), 1e-6)
 
-        axes, origins = poses.rotation[1:8, :, 2], poses.position[1:8]
-        columns = jnp.cross(axes[None], point[:, None] - origins[None])
-        moves = np.arange(1, 8)[None] <= np.minimum(model.frames, 7)[:, None]
-        jacobian = jnp.where(moves, jnp.sum(columns * normal[:, None], axis=-1), 0.0)
+        moves = jax.vmap(point_jacobian, in_axes=(None, 0, 0))(
+            poses, point, jnp.asarray(model.frames)
+        )
+        jacobian = jnp.sum(jnp.swapaxes(moves, 1, 2) * normal[:, None], axis=-1)
         return jnp.maximum(clearance[closest] - self.point_radius, 0.0), jacobian

@@ -9,6 +9,11 @@ from .observation import Observation
 Scalar = float | Float[Array, ""]
 """A number among a policy's parameters: a leaf of its pytree, so a traced array inside jit."""
 
+OF_THE_WORLD = ("robot", "control_period")
+"""Fields of a policy that the world decides, not the policy: its arm, and how long a control step is [s]. They
+are static under jit, are passed by name to whatever makes a policy, and are none of the parameters that a
+result states."""
+
 
 @runtime_checkable
 class Policy(Protocol):
@@ -18,7 +23,8 @@ class Policy(Protocol):
     leaderboard.
     """
 
-    privileged: bool
+    @property
+    def privileged(self) -> bool: ...
 
     def init(self, observation: Observation) -> Any:
         """What the policy carries from step to step, before the first one: any pytree of arrays."""
@@ -26,8 +32,8 @@ class Policy(Protocol):
 
     def act(
         self, observation: Observation, carry: Any, key: PRNGKeyArray
-    ) -> tuple[Float[Array, "7"], Any]:
-        """Absolute joint position targets [rad] for the next control step (1/60 s), and the new carry.
+    ) -> tuple[Float[Array, " J"], Any]:
+        """Absolute joint position targets [rad] for the next control step, and the new carry.
 
         `key` is the policy's own randomness; it tells nothing of the world's.
         """

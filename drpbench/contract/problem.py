@@ -14,15 +14,15 @@ from drpbench.geometry import Primitives
 class Problem:
     """One numbered planning problem, batched over any leading axes.
 
-    The static scene is `obstacles`. `goal` is one configuration that reaches the goal pose of the
+    The static scene is `obstacles`; J joints. `goal` is one configuration that reaches the goal pose of the
     frame `grip` (`goal_position` [m], `goal_quaternion` wxyz). `level` is the task's own: sizes and
     counts of moving obstacles depend on it.
     """
 
     id: Int[Array, "*batch"] | Int[np.ndarray, "*batch"]
     level: Int[Array, "*batch"] | Int[np.ndarray, "*batch"]
-    start: Float[Array, "*batch 7"] | Float[np.ndarray, "*batch 7"]
-    goal: Float[Array, "*batch 7"] | Float[np.ndarray, "*batch 7"]
+    start: Float[Array, "*batch J"] | Float[np.ndarray, "*batch J"]
+    goal: Float[Array, "*batch J"] | Float[np.ndarray, "*batch J"]
     goal_position: Float[Array, "*batch 3"] | Float[np.ndarray, "*batch 3"]
     goal_quaternion: Float[Array, "*batch 4"] | Float[np.ndarray, "*batch 4"]
     obstacles: Primitives

@@ -10,6 +10,8 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 from drpbench.contract import Movers
 from drpbench.geometry import BOX, Primitives, quaternion_to_matrix, signed_distance
 
+from .arm import Arm
+
 
 def random_rotation(key: PRNGKeyArray) -> Float[Array, "3 3"]:
     """Uniform over all rotations."""
@@ -47,15 +49,15 @@ def in_upper_shell(
 
 
 def random_heading(
-    key: PRNGKeyArray, toward: Float[Array, "3"], deviation: float
+    key: PRNGKeyArray, toward: Float[Array, "3"], deviation: float, pace: float = 1.0
 ) -> Float[Array, "3"]:
-    """A velocity of 1 to 3 mm a control step (0.06 to 0.18 m/s) roughly along `toward`.
+    """A velocity [m a control step] of 0.06 to 0.18 m/s roughly along `toward`: 1 to 3 mm at 60 Hz.
 
-    N(0, deviation) is added to each component of the unit direction.
+    N(0, deviation) is added to each component of the unit direction. `pace` is the episode's.
     """
     heading_key, speed_key = jax.random.split(key)
     heading = toward / jnp.linalg.norm(toward) + deviation * jax.random.normal(heading_key, (3,))
-    speed = jax.random.uniform(speed_key, minval=0.001, maxval=0.003)
+    speed = jax.random.uniform(speed_key, minval=0.001 * pace, maxval=0.003 * pace)
     return speed * heading / jnp.linalg.norm(heading)
 
 
@@ -75,7 +77,7 @@ def first_clear(
     """
     places = jax.vmap(draw)(jax.random.split(key, 32))
 
-    def rate(place):
+    def rate(place: Float[Array, "3"]) -> Float[Array, ""]:
         clearance = clearance_of_box(half_size, rotation, place, centers, radii)
         return jnp.where(allowed(place), clearance, -jnp.inf)
 
@@ -91,18 +93,18 @@ def drifting_box(
     excess: Callable[[Float[Array, "3"], Float[Array, ""]], Float[Array, ""]],
     target: Float[Array, "3"],
     deviation: float,
-    centers: Float[Array, "S 3"],
-    radii: Float[Array, " S"],
+    arm: Arm,
+    pace: float,
 ) -> Movers:
     """One box with edges of 0.1 m to `longest` [m], 1 cm clear of the arm, on its way to `target`.
 
     `place` draws where it is born; `excess` of a position and the base column's radius says how far [m]
-    that is outside of where it may be; `deviation` is `random_heading`'s.
+    that is outside of where it may be; `deviation` and `pace` are `random_heading`'s.
     """
     keys = jax.random.split(key, 4)
     half_size = jax.random.uniform(keys[0], (3,), minval=0.05, maxval=longest / 2)
     rotation = random_rotation(keys[1])
-    column = base_column_radius(half_size)
+    column = base_column_radius(half_size, arm.base_radius)
     position = first_clear(
         place,
         lambda p: excess(p, column) <= 0.0,
@@ -110,20 +112,22 @@ def drifting_box(
         0.01,
         half_size,
         rotation,
-        centers,
-        radii,
+        arm.centers,
+        arm.radii,
     )
-    velocity = random_heading(keys[3], target - position, deviation)
+    velocity = random_heading(keys[3], target - position, deviation, pace)
     return Movers(half_size, rotation, position, velocity, jnp.bool_(True))
 
 
-def base_column_radius(half_size: Float[Array, "*boxes 3"]) -> Float[Array, "*boxes"]:
+def base_column_radius(
+    half_size: Float[Array, "*boxes 3"], base_radius: float
+) -> Float[Array, "*boxes"]:
     """How near [m] to the base's axis a drifting box's centre may come, in the xy plane.
 
-    0.25 m, or so far that the box's bounding sphere stays off link1 (0.12 m about the axis): that
-    link cannot step aside, and a problem must not be lost before it begins.
+    0.25 m, or so far that the box's bounding sphere stays off what is within `base_radius` [m] of the
+    axis: that part of the arm cannot step aside, and a problem must not be lost before it begins.
     """
-    return jnp.maximum(0.25, 0.12 + jnp.linalg.norm(half_size, axis=-1))
+    return jnp.maximum(0.25, base_radius + jnp.linalg.norm(half_size, axis=-1))
 
 
 def drift(movers: Movers, excess: Callable[[Float[Array, "M 3"]], Float[Array, " M"]]) -> Movers:

@@ -7,20 +7,25 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from drpbench.contract import CONTROL_PERIOD, Movers, Observation, Problem
-from drpbench.geometry import FAR, Primitives, concatenate
-from drpbench.perception.surface_cloud import (
-    Cloud,
-    robot_points,
-    sample_static,
-    scene_cloud,
-    shares,
+from drpbench.contract import (
+    EPISODE,
+    ROBOT_POINTS,
+    Episode,
+    Movers,
+    Observation,
+    Problem,
+    Sensor,
+    Spec,
+    observation_spec,
 )
-from drpbench.robot import PANDA
+from drpbench.geometry import FAR, Primitives, concatenate
+from drpbench.perception import SurfaceCloud
+from drpbench.robot import PANDA, Robot
 
+from .arm import Arm
 from .contact import contact
 from .dynamics import SUBSTEPS, substep
-from .tasks.task import Arm, Task
+from .tasks.task import RehearsedTask, Task
 
 
 @jax.tree_util.register_dataclass
@@ -29,15 +34,16 @@ class State:
     """Everything one world is."""
 
     problem: Problem
-    joint_position: Float[Array, "*batch 7"]
-    joint_velocity: Float[Array, "*batch 7"]
-    reference: Float[Array, "*batch 7"]
+    joint_position: Float[Array, "*batch J"]
+    joint_velocity: Float[Array, "*batch J"]
+    reference: Float[Array, "*batch J"]
     """What the servos aim at [rad]: follows the policy's target at the arm's velocity limits."""
-    contact_torque: Float[Array, "*batch 7"]
+    contact_torque: Float[Array, "*batch J"]
     movers: Movers
     memory: Any
     """The task's own."""
-    cloud: Cloud
+    cloud: Any
+    """The sensor's own."""
 
 
 @jax.tree_util.register_dataclass
@@ -48,7 +54,7 @@ class Events:
     clearance: Float[Array, "*batch"]
     """Smallest signed distance [m] between arm and obstacles over the substeps."""
     sphere: Int[Array, "*batch"]
-    """The sphere it belongs to, as an index into `moving_spheres()`."""
+    """The sphere it belongs to, as an index into `robot.moving_spheres`."""
     self_clearance: Float[Array, "*batch"]
     """Smallest distance [m] between links that can touch, at the end."""
     grip_position: Float[Array, "*batch 3"]
@@ -57,27 +63,31 @@ class Events:
     """Whether the policy's target and the arm's state are numbers."""
 
 
-def _arm(joint_position: Float[Array, "7"]) -> Arm:
-    poses = PANDA.link_poses(joint_position)
-    spheres = PANDA.moving_spheres
-    return Arm(spheres.world(poses), jnp.asarray(spheres.radius), PANDA.grip_pose(poses)[0])
-
-
 @dataclass(frozen=True)
 class World:
-    """The dynamics and the observation of one task. docs/protocol.md has the whole of it in words."""
+    """The dynamics and the observation of one task. docs/protocol.md has the whole of it in words.
+
+    A hashable value: the task, the arm, the episode's clock, what makes the scene points of an observation,
+    and how many points of the arm itself there are in it. The defaults are the benchmark's.
+    """
 
     task: Task
+    robot: Robot = PANDA
+    episode: Episode = EPISODE
+    sensor: Sensor = SurfaceCloud()
+    robot_points: int = ROBOT_POINTS
+
+    @property
+    def spec(self) -> Spec:
+        """What a policy sees of it."""
+        return observation_spec(self.robot, self.sensor.points, self.robot_points)
 
     def reset(self, problem: Problem, key: PRNGKeyArray) -> State:
         """The state before the first control step. All of the episode's randomness is `key`'s."""
-        task_key, static_key, mover_key = jax.random.split(key, 3)
+        task_key, *sensor_keys = jax.random.split(key, 3)
         start = jnp.asarray(problem.start)
-        arm = _arm(start)
-        movers, memory = self.task.reset(problem, arm, task_key)
-        on_static, on_each = shares(self.task.movers)
-        points, mask = sample_static(static_key, problem.obstacles, on_static)
-        tickets = jax.random.uniform(mover_key, (self.task.movers, on_each, 3))
+        arm = Arm.of(self.robot, start)
+        movers, memory = self.task.reset(problem, arm, task_key, self.episode)
         zeros = jnp.zeros_like(start)
         return State(
             problem=problem,
@@ -87,52 +97,69 @@ class World:
             contact_torque=zeros,
             movers=movers,
             memory=memory,
-            cloud=Cloud(points, mask, tickets),
+            cloud=self.sensor.reset(tuple(sensor_keys), problem, self.task.movers),
         )
+
+    def second_pass(self, state: State, path: Float[Array, "steps 3"]) -> State:
+        """The state before the first control step of a rehearsed task's second pass.
+
+        `state` is what `reset` gave; `path` is where grip was [m] after each step of the first pass. Raises
+        TypeError for a task without a second pass.
+        """
+        if not isinstance(self.task, RehearsedTask):
+            raise TypeError(f"expected a task with a second pass, got {self.task.name}")
+        return replace(state, memory=self.task.second_pass(state.memory, path))
 
     def obstacles(self, state: State) -> Primitives:
         """Every obstacle there is: the static scene's, then the moving boxes."""
         return concatenate(state.problem.obstacles, state.movers.primitives())
 
     def step(
-        self, state: State, target: Float[Array, "7"], clock: Int[Array, ""]
+        self, state: State, target: Float[Array, " J"], clock: Int[Array, ""]
     ) -> tuple[State, Events]:
-        """One control step, 1/60 s. `target` [rad]: absolute joint positions; `clock` counts from 0.
+        """One control step. `target` [rad]: absolute joint positions; `clock` counts from 0.
 
         A target that is not finite is replaced by the last one, and reported.
         """
-        arm = _arm(state.joint_position)
-        movers, memory = self.task.advance(state.movers, state.memory, state.problem, arm, clock)
+        robot, period = self.robot, self.episode.period
+        movers, memory = self.task.advance(
+            state.movers,
+            state.memory,
+            state.problem,
+            Arm.of(robot, state.joint_position),
+            clock,
+            self.episode,
+        )
         state = replace(state, movers=movers, memory=memory)
         obstacles = self.obstacles(state)
 
         sane = jnp.isfinite(target).all()
         target = jnp.clip(
-            jnp.where(sane, target, state.reference), PANDA.joint_lower, PANDA.joint_upper
+            jnp.where(sane, target, state.reference), robot.joint_lower, robot.joint_upper
         )
-        most = jnp.asarray(PANDA.velocity_limit * CONTROL_PERIOD, target.dtype)
+        most = jnp.asarray(robot.velocity_limit * period, target.dtype)
         reference = state.reference + jnp.clip(target - state.reference, -most, most)
 
-        def move(motion, _):
+        def move(motion: tuple, _: None) -> tuple[tuple, None]:
             q, qd, torque, worst, sphere = motion
-            q, qd = substep(q, qd, reference, torque)
-            poses = PANDA.link_poses(q)
-            touch = contact(poses, qd, PANDA.moving_spheres.world(poses), obstacles)
+            q, qd = substep(q, qd, reference, torque, robot, period)
+            poses = robot.link_poses(q)
+            touch = contact(poses, qd, robot.moving_spheres.world(poses), obstacles, robot)
             sphere = jnp.where(touch.clearance < worst, touch.sphere, sphere)
             return (q, qd, touch.torque, jnp.minimum(worst, touch.clearance), sphere), None
 
         motion = (state.joint_position, state.joint_velocity, state.contact_torque)
-        motion = (*motion, jnp.float32(FAR), jnp.int32(0))
-        (q, qd, torque, clearance, sphere), _ = jax.lax.scan(move, motion, None, length=SUBSTEPS)
-        poses = PANDA.link_poses(q)
-        position, rotation = PANDA.grip_pose(poses)
+        begun = (*motion, jnp.float32(FAR), jnp.int32(0))
+        (q, qd, torque, clearance, sphere), _ = jax.lax.scan(move, begun, None, length=SUBSTEPS)
+        poses = robot.link_poses(q)
+        position, rotation = robot.grip_pose(poses)
         state = replace(
             state, joint_position=q, joint_velocity=qd, reference=reference, contact_torque=torque
         )
         return state, Events(
             clearance=clearance,
             sphere=sphere,
-            self_clearance=PANDA.self_clearance(poses),
+            self_clearance=robot.self_clearance(poses),
             grip_position=position,
             grip_rotation=rotation,
             finite=sane & jnp.isfinite(q).all() & jnp.isfinite(qd).all(),
@@ -140,15 +167,17 @@ class World:
 
     def observe(self, state: State, privileged: bool = False) -> Observation:
         """What a policy gets to see of the state; the obstacle models only if it is privileged."""
-        points, mask = scene_cloud(state.cloud, state.movers)
+        robot, problem = self.robot, state.problem
+        poses = robot.link_poses(state.joint_position)
+        points, mask = self.sensor.observe(state.cloud, problem, state.movers, robot, poses)
         return Observation(
             joint_position=state.joint_position,
             joint_velocity=state.joint_velocity,
-            goal_joints=state.problem.goal,
-            goal_position=state.problem.goal_position,
-            goal_quaternion=state.problem.goal_quaternion,
+            goal_joints=jnp.asarray(problem.goal),
+            goal_position=jnp.asarray(problem.goal_position),
+            goal_quaternion=jnp.asarray(problem.goal_quaternion),
             scene_points=points,
             scene_mask=mask,
-            robot_points=robot_points().world(PANDA.link_poses(state.joint_position)),
+            robot_points=robot.surface_points(self.robot_points).world(poses),
             obstacles=self.obstacles(state) if privileged else None,
         )

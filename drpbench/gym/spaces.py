@@ -1,45 +1,27 @@
 """What the environments show and take: the benchmark's observation and joint targets, as spaces."""
 
-from dataclasses import fields
-
 import numpy as np
-from gymnasium.spaces import Box, Dict, Space
+from gymnasium.spaces import Box, Dict
 
-from drpbench.contract import ROBOT_POINTS, SCENE_POINTS, Observation
-from drpbench.robot import PANDA
-
-# Wide enough to hold all that happens; they are no scales to normalise by.
-_JOINTS = 5.0  # [rad] contact pushes a joint past its limit, against stiff stops
-_SPEED = 100.0  # [rad/s]
-_ROOM = 5.0  # [m]
-_SHOWN = tuple(field.name for field in fields(Observation) if field.name != "obstacles")
+from drpbench.contract import OBSERVED, ArraySpec, Observation, Spec, observation_spec
+from drpbench.robot import PANDA, Robot
 
 
-def action_space() -> Box:
+def action_space(robot: Robot = PANDA) -> Box:
     """Absolute joint position targets [rad], within the joint limits."""
-    return Box(PANDA.joint_lower.astype(np.float32), PANDA.joint_upper.astype(np.float32))
+    return Box(robot.joint_lower.astype(np.float32), robot.joint_upper.astype(np.float32))
 
 
-def observation_space() -> Space:
-    """The fields of `drpbench.envs.Observation`: world frame, metres, radians, quaternions wxyz."""
+def observation_space(spec: Spec | None = None) -> Dict:
+    """The fields of an observation as the spec has them, by default the benchmark's."""
+    return Dict({name: _box(of) for name, of in (spec or observation_spec()).items()})
 
-    def within(bound: float, *shape: int) -> Box:
-        return Box(-bound, bound, shape, np.float32)
 
-    return Dict(
-        {
-            "joint_position": within(_JOINTS, 7),
-            "joint_velocity": within(_SPEED, 7),
-            "goal_joints": within(_JOINTS, 7),
-            "goal_position": within(_ROOM, 3),
-            "goal_quaternion": within(1.001, 4),  # a unit quaternion, rounded
-            "scene_points": within(_ROOM, SCENE_POINTS, 3),
-            "scene_mask": Box(0, 1, (SCENE_POINTS,), np.bool_),
-            "robot_points": within(_ROOM, ROBOT_POINTS, 3),
-        }
-    )
+def _box(of: ArraySpec) -> Box:
+    lowest = 0 if of.dtype == np.bool_ else -of.bound
+    return Box(lowest, of.bound, of.shape, of.dtype.type)
 
 
 def as_dict(observation: Observation) -> dict[str, np.ndarray]:
     """An observation as arrays in host memory that are the caller's own, to keep or to write to."""
-    return {name: np.array(getattr(observation, name)) for name in _SHOWN}
+    return {name: np.array(getattr(observation, name)) for name in OBSERVED}

@@ -21,9 +21,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from drpbench.contract import CONTROL_PERIOD
+from drpbench.contract import CONTROL_PERIOD, ROBOT_POINTS
 from drpbench.geometry import Primitives, sample_surface
-from drpbench.perception.surface_cloud import robot_points
 from drpbench.policies.networks.chunks import CHUNK, RAMP, SPEED, encode
 from drpbench.robot import PANDA
 
@@ -93,7 +92,7 @@ def _sample(one, obstacles: Primitives, key: PRNGKeyArray, scene_points: int) ->
     return Batch(
         scene_points=points,
         scene_mask=mask,
-        robot_points=robot_points().world(PANDA.link_poses(q)),
+        robot_points=PANDA.surface_points(ROBOT_POINTS).world(PANDA.link_poses(q)),
         joints=q,
         goal=one.goal,
         chunk=encode(waypoints, q, one.goal),

@@ -20,10 +20,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from drpbench.compile import jit
-from drpbench.contract import Observation, Policy
+from drpbench.contract import ROBOT_POINTS, Observation, Policy
 from drpbench.envs.movers import clearance_of_box
 from drpbench.geometry import BOX, Primitives, matrix_to_quaternion, quaternion_to_matrix
-from drpbench.perception.surface_cloud import robot_points
 from drpbench.planning.clearance_cost import gaps
 from drpbench.planning.expert import CHEAP, planner
 from drpbench.policies.networks.impact import SCENE_POINTS
@@ -65,7 +64,7 @@ def _walk(
             goal_quaternion=matrix_to_quaternion(rotation),
             scene_points=points,
             scene_mask=mask,
-            robot_points=robot_points().world(PANDA.link_poses(q)),
+            robot_points=PANDA.surface_points(ROBOT_POINTS).world(PANDA.link_poses(q)),
         )
 
     def step(state, key):

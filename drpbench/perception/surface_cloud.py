@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from drpbench.contract import ROBOT_POINTS, SCENE_POINTS, Movers
+from drpbench.contract import SCENE_POINTS, Movers, Problem
 from drpbench.geometry import Primitives, sample_surface
-from drpbench.robot import PANDA, BodyPoints
+from drpbench.robot import LinkPoses, Robot
 
 
 @jax.tree_util.register_dataclass
@@ -22,13 +22,35 @@ class Cloud:
     mover_tickets: Float[Array, "*batch M P 3"]
 
 
-def shares(movers: int) -> tuple[int, int]:
-    """How many of the 2048 points are on the static scene, and on each of `movers` boxes.
+@dataclass(frozen=True)
+class SurfaceCloud:
+    """The sensor of the benchmark: `points` of all surfaces, seen from everywhere, without noise."""
+
+    points: int = SCENE_POINTS
+
+    def reset(
+        self, keys: tuple[PRNGKeyArray, PRNGKeyArray], problem: Problem, movers: int
+    ) -> Cloud:
+        """The points of an episode: the static scene's are drawn with the first key, tickets with the second."""
+        on_static, on_each = shares(movers, self.points)
+        points, mask = sample_static(keys[0], problem.obstacles, on_static)
+        tickets = jax.random.uniform(keys[1], (movers, on_each, 3))
+        return Cloud(points, mask, tickets)
+
+    def observe(
+        self, state: Cloud, problem: Problem, movers: Movers, robot: Robot, poses: LinkPoses
+    ) -> tuple[Float[Array, "N 3"], Bool[Array, " N"]]:
+        """Points [m] with the moving boxes where they are, and where there is one."""
+        return scene_cloud(state, movers)
+
+
+def shares(movers: int, points: int = SCENE_POINTS) -> tuple[int, int]:
+    """How many of the points are on the static scene, and on each of `movers` boxes.
 
     The reference evaluator draws 2048 of a union of 2048 static points and 1000 a box.
     """
-    each = round(SCENE_POINTS * 1000 / (2048 + 1000 * movers)) if movers else 0
-    return SCENE_POINTS - movers * each, each
+    each = round(points * 1000 / (2048 + 1000 * movers)) if movers else 0
+    return points - movers * each, each
 
 
 def sample_static(
@@ -62,7 +84,7 @@ def on_box(tickets: Float[Array, "P 3"], half_size: Float[Array, "3"]) -> Float[
     return jnp.stack([a * x, b * y, c * z], axis=-1)
 
 
-def scene_cloud(cloud: Cloud, movers: Movers) -> tuple[Float[Array, "2048 3"], Bool[Array, "2048"]]:
+def scene_cloud(cloud: Cloud, movers: Movers) -> tuple[Float[Array, "N 3"], Bool[Array, " N"]]:
     """The scene points with the moving boxes where they are; points below z = 0 are left out."""
     local = jax.vmap(on_box)(cloud.mover_tickets, movers.half_size)
     r = movers.rotation[:, None]
@@ -76,8 +98,3 @@ def scene_cloud(cloud: Cloud, movers: Movers) -> tuple[Float[Array, "2048 3"], B
         jnp.concatenate([cloud.static_points, moved.reshape(-1, 3)]),
         jnp.concatenate([cloud.static_mask, seen.reshape(-1)]),
     )
-
-
-def robot_points() -> BodyPoints:
-    """The arm's surface points of the observation."""
-    return PANDA.surface_points(ROBOT_POINTS)

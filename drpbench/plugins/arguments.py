@@ -42,10 +42,24 @@ def read(
     return found
 
 
-def settings(make: Callable[..., Any], chosen: Mapping[str, Any]) -> dict[str, Any]:
-    """Every plain parameter of `make` by name, chosen or by default, for a result's header."""
-    values = {key: parameter.default for key, parameter in _offered(make).items()} | chosen
-    return {key: value for key, value in values.items() if isinstance(value, _READABLE)}
+def settings(
+    make: Callable[..., Any], chosen: Mapping[str, Any], fixed: Collection[str] = ()
+) -> dict[str, Any]:
+    """Every plain parameter of `make` by name, chosen or by default, for a result's header.
+
+    Those in `fixed` are left out.
+    """
+    values = {key: parameter.default for key, parameter in _offered(make).items()} | dict(chosen)
+    return {
+        key: value
+        for key, value in values.items()
+        if isinstance(value, _READABLE) and key not in fixed
+    }
+
+
+def accepted(make: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of `values` that `make` takes by name."""
+    return {key: values[key] for key in _offered(make) if key in values}
 
 
 def _offered(make: Callable[..., Any]) -> dict[str, inspect.Parameter]:

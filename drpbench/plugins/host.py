@@ -1,10 +1,10 @@
-"""Host policies: ordinary Python objects, stepped outside jit, a batch of instances at a time.
+"""Host policies at work: called outside jit, a batch of instances at a time, under a time limit.
 
     class MyPolicy:
         arrays = "torch"                      # what it is handed: "numpy" (the default), "torch" or "jax"
 
         def reset(self, observation): ...     # episodes begin: B of them, seen for the first time
-        def act(self, observation): ...       # joint position targets (B, 7) [rad]
+        def act(self, observation): ...       # joint position targets (B, J) [rad]
 
 What it raises, answers wrongly or never answers fails the batch it happened in, with the reason in each
 row's status. docs/your-policy.md says all of it in words.
@@ -16,48 +16,19 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
-from typing import Any, Protocol
+from dataclasses import dataclass, field
+from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import PRNGKeyArray
 
-from drpbench.contract import Observation, Policy
+from drpbench.contract import OBSERVED, HostObservation, HostPolicy, Observation, Policy
 
 from .errors import PolicyError, told
 
 TIME_LIMIT = 10.0  # [s] for one control step of a batch
 RESET_SHARE = 10.0  # `reset` may take so many times the limit: it is where models warm up
-
-
-@dataclass
-class HostObservation:
-    """What B instances show, in the world frame (the arm's base), as arrays of the policy's own kind.
-
-    They are the policy's to keep and to write on.
-    """
-
-    joint_position: Any  # (B, 7) [rad]
-    joint_velocity: Any  # (B, 7) [rad/s]
-    goal_joints: Any  # (B, 7) [rad]
-    goal_position: Any  # (B, 3) [m], of the frame `grip`
-    goal_quaternion: Any  # (B, 4) wxyz
-    scene_points: Any  # (B, 2048, 3) [m], the same points of the same surfaces throughout
-    scene_mask: Any  # (B, 2048) bool, false where there is no point
-    robot_points: Any  # (B, 256, 3) [m], on the arm's outer surface
-    obstacles: Any = None  # every obstacle as it is, for a privileged policy only
-
-
-class HostPolicy(Protocol):
-    """A policy that is stepped outside jit. `arrays` and `privileged` may be left out."""
-
-    def reset(self, observation: HostObservation) -> None:
-        """B episodes begin, and this is what they show. Whatever was kept of others is void."""
-        ...
-
-    def act(self, observation: HostObservation) -> Any:
-        """Absolute joint position targets (B, 7) [rad] for the next control step (1/60 s)."""
-        ...
 
 
 @jax.tree_util.register_dataclass
@@ -67,10 +38,12 @@ class Shown:
 
     privileged: bool = field(default=False, metadata={"static": True})
 
-    def init(self, observation: Observation):
+    def init(self, observation: Observation) -> tuple[()]:
         return ()
 
-    def act(self, observation: Observation, carry, key):
+    def act(
+        self, observation: Observation, carry: tuple[()], key: PRNGKeyArray | None
+    ) -> tuple[Any, tuple[()]]:
         return observation, carry
 
 
@@ -90,7 +63,8 @@ class Hosted:
     ):
         """`build` makes another one once `policy` hung; `over` puts JAX policies over it that change what
         it sees (DCP-RMP); `time_limit` [s] is for one control step. Raises PolicyError."""
-        self.policy, self._build, self.time_limit = policy, build, time_limit
+        self.policy: HostPolicy | None = policy
+        self._build, self.time_limit = build, time_limit
         self.arrays = getattr(policy, "arrays", "numpy")
         if self.arrays not in HANDED:
             raise PolicyError(
@@ -114,8 +88,9 @@ class Hosted:
         self._call("reset", observation, count, RESET_SHARE * self.time_limit)
 
     def act(self, observation: Observation, count: int) -> np.ndarray:
-        """The policy's targets (count, 7) float32, numbers or not. Raises Failed."""
-        return answered(self._call("act", observation, count, self.time_limit), count)
+        """The policy's targets (count, J) float32, numbers or not. Raises Failed."""
+        answer = self._call("act", observation, count, self.time_limit)
+        return answered(answer, count, observation.joint_position.shape[-1])
 
     def _call(self, method: str, observation: Observation, count: int, limit: float) -> Any:
         handed, context = HANDED[self.arrays](observation, count, self.policy)
@@ -141,13 +116,19 @@ class Hosted:
 class _Worker:
     """A daemon thread: one that never comes back does not keep the program from ending."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._calls: queue.SimpleQueue = queue.SimpleQueue()
         self._answers: queue.SimpleQueue = queue.SimpleQueue()
         # The thread holds the queues alone, so that it ends with the worker.
         threading.Thread(target=_serve, args=(self._calls, self._answers), daemon=True).start()
 
-    def call(self, function, argument, context, limit: float) -> tuple[Any, BaseException | None]:
+    def call(
+        self,
+        function: Callable,
+        argument: HostObservation,
+        context: Callable[[], contextlib.AbstractContextManager],
+        limit: float,
+    ) -> tuple[Any, BaseException | None]:
         """What the function answers or raises. Raises queue.Empty once the limit [s] has passed."""
         self._calls.put((function, argument, context))
         return self._answers.get(timeout=limit)
@@ -155,7 +136,8 @@ class _Worker:
     def dismiss(self) -> None:
         self._calls.put(None)
 
-    __del__ = dismiss
+    def __del__(self) -> None:
+        self.dismiss()
 
 
 def _serve(calls: queue.SimpleQueue, answers: queue.SimpleQueue) -> None:
@@ -168,8 +150,8 @@ def _serve(calls: queue.SimpleQueue, answers: queue.SimpleQueue) -> None:
             answers.put((None, error))
 
 
-def answered(answer: Any, count: int) -> np.ndarray:
-    """An answer as (count, 7) float32. Raises Failed for what is none."""
+def answered(answer: Any, count: int, joints: int) -> np.ndarray:
+    """An answer as (count, joints) float32. Raises Failed for what is none."""
     if hasattr(answer, "detach"):  # a tensor, on whatever device
         answer = np.from_dlpack(answer.detach().cpu().float())
     try:
@@ -178,21 +160,24 @@ def answered(answer: Any, count: int) -> np.ndarray:
         raise Failed(f"answer: {type(answer).__name__} is no array: {told(error)}") from None
     if targets.dtype.kind not in "fiu":
         raise Failed(f"answer: {type(answer).__name__} of {targets.dtype}, not numbers")
-    if targets.shape != (count, 7):
-        raise Failed(f"shape: {targets.shape}, not {(count, 7)}")
+    if targets.shape != (count, joints):
+        raise Failed(f"shape: {targets.shape}, not {(count, joints)}")
     with np.errstate(over="ignore"):
         return targets.astype(np.float32)
 
 
-def _as_numpy(observation: Observation, count: int, policy: Any):
+_Handed = tuple[HostObservation, Callable[[], contextlib.AbstractContextManager]]
+
+
+def _as_numpy(observation: Observation, count: int, policy: Any) -> _Handed:
     return _each(lambda leaf: np.array(np.asarray(leaf)[:count]), observation), _nothing
 
 
-def _as_jax(observation: Observation, count: int, policy: Any):
+def _as_jax(observation: Observation, count: int, policy: Any) -> _Handed:
     return _each(lambda leaf: leaf[:count], observation), _nothing
 
 
-def _as_torch(observation: Observation, count: int, policy: Any):
+def _as_torch(observation: Observation, count: int, policy: Any) -> _Handed:
     """Tensors: views of JAX's own buffers where both sit on one device, moved to `policy.device` if it
     has one; and without gradients, which nobody would collect."""
     torch = _torch()
@@ -201,7 +186,7 @@ def _as_torch(observation: Observation, count: int, policy: Any):
     def tensor(leaf: jax.Array) -> Any:
         if leaf.dtype == bool:  # which not every PyTorch reads by DLPack
             return tensor(leaf.view(np.uint8)).view(torch.bool)
-        if leaf.device.platform == "cpu" or torch.cuda.is_available():
+        if all(device.platform == "cpu" for device in leaf.devices()) or torch.cuda.is_available():
             found = torch.from_dlpack(leaf)[:count]
         else:
             found = torch.from_numpy(np.array(np.asarray(leaf)[:count]))
@@ -212,10 +197,8 @@ def _as_torch(observation: Observation, count: int, policy: Any):
 
 def _each(convert: Callable[[jax.Array], Any], observation: Observation) -> HostObservation:
     return HostObservation(
-        **{
-            of.name: jax.tree.map(convert, getattr(observation, of.name))
-            for of in fields(HostObservation)
-        }
+        obstacles=jax.tree.map(convert, observation.obstacles),
+        **{name: convert(getattr(observation, name)) for name in OBSERVED},
     )
 
 

@@ -11,8 +11,9 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import PRNGKeyArray
 
-from drpbench.contract import ROBOT_POINTS, SCENE_POINTS, Observation, Policy
+from drpbench.contract import Observation, Policy, Spec
 from drpbench.geometry import Primitives
 
 from .errors import PolicyError, told
@@ -101,8 +102,11 @@ def is_host(policy: Any) -> bool:
     return not hasattr(policy, "init") and hasattr(policy, "reset")
 
 
-def check(name: str, policy: Any) -> None:
-    """Raises PolicyError unless `policy` is one: a host policy, or a JAX policy that can be traced."""
+def check(name: str, policy: Any, spec: Spec) -> None:
+    """Raises PolicyError unless `policy` is one: a host policy, or a JAX policy that can be traced.
+
+    `spec` is of the observations that it will see.
+    """
     wanted = ("reset", "act") if is_host(policy) else ("init", "act")
     if not any(callable(getattr(policy, method, None)) for method in ("reset", "init", "act")):
         raise PolicyError(
@@ -117,25 +121,26 @@ def check(name: str, policy: Any) -> None:
     if not isinstance(getattr(policy, "privileged", False), bool):
         raise PolicyError(f"{name}: privileged must be True or False")
     if not is_host(policy):
-        _check_traceable(name, policy)
+        _check_traceable(name, policy, spec)
 
 
-def _check_traceable(name: str, policy: Any) -> None:
+def _check_traceable(name: str, policy: Any, spec: Spec) -> None:
     """Runs `init` and `act` on shapes alone, so that a mistake costs no compilation."""
     if not isinstance(policy, Policy):
         raise PolicyError(
             f"{name} is no JAX policy: it has no attribute privileged (True or False)"
         )
-    if jax.tree.structure(policy) == jax.tree.structure(0.0):
+    if any(leaf is policy for leaf in jax.tree.leaves(policy)):
         raise PolicyError(
             f"{name} is no JAX pytree: make it a frozen dataclass under"
             " @jax.tree_util.register_dataclass"
         )
-    method, found = "init", {}
+    method: str = "init"
+    found: dict[str, Any] = {}
 
-    def traced(key):
+    def traced(key: PRNGKeyArray) -> None:
         nonlocal method
-        seen = _nothing_seen(policy.privileged)
+        seen = nothing_seen(spec, policy.privileged)
         carry = policy.init(seen)
         method = "act"
         found["target"], after = policy.act(seen, carry, key)
@@ -146,8 +151,8 @@ def _check_traceable(name: str, policy: Any) -> None:
     except Exception as error:
         raise PolicyError(f"{name}: {method} failed: {told(error)}") from None
     shape = getattr(found["target"], "shape", type(found["target"]).__name__)
-    if shape != (7,):
-        raise PolicyError(f"{name}: act answers targets of shape {shape}, not (7,)")
+    if shape != (wanted := spec["joint_position"].shape):
+        raise PolicyError(f"{name}: act answers targets of shape {shape}, not {wanted}")
     before, after = found["forms"]
     if before != after:
         raise PolicyError(
@@ -160,7 +165,8 @@ def _form(carry: Any) -> tuple:
     return structure, [(jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves]
 
 
-def _nothing_seen(privileged: bool = False) -> Observation:
+def nothing_seen(spec: Spec, privileged: bool = False) -> Observation:
+    """An observation with zeros in every array of the spec, and one obstacle that is not there."""
     obstacles = Primitives(
         kind=jnp.zeros(1, jnp.int32),
         half_size=jnp.ones((1, 3)),
@@ -168,14 +174,5 @@ def _nothing_seen(privileged: bool = False) -> Observation:
         rotation=jnp.eye(3)[None],
         mask=jnp.zeros(1, bool),
     )
-    return Observation(
-        joint_position=jnp.zeros(7),
-        joint_velocity=jnp.zeros(7),
-        goal_joints=jnp.zeros(7),
-        goal_position=jnp.zeros(3),
-        goal_quaternion=jnp.zeros(4),
-        scene_points=jnp.zeros((SCENE_POINTS, 3)),
-        scene_mask=jnp.zeros(SCENE_POINTS, bool),
-        robot_points=jnp.zeros((ROBOT_POINTS, 3)),
-        obstacles=obstacles if privileged else None,
-    )
+    arrays = {name: jnp.zeros(of.shape, of.dtype) for name, of in spec.items()}
+    return Observation(**arrays, obstacles=obstacles if privileged else None)

@@ -1,15 +1,23 @@
 """Policies by name."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from drpbench.baselines import Rmp
-from drpbench.contract import Policy
+from drpbench.contract import (
+    EPISODE,
+    OF_THE_WORLD,
+    Episode,
+    HostPolicy,
+    Policy,
+    observation_spec,
+)
 from drpbench.policies import DcpRmp, Hold, Straight
+from drpbench.robot import PANDA, Robot
 
-from .arguments import read, settings
+from .arguments import accepted, read, settings
 from .errors import PolicyError, UnknownPolicy
 from .host import TIME_LIMIT, Hosted
 from .imported import built, check, find, installed, is_host, offered
@@ -19,31 +27,41 @@ BEST_WEIGHTS = "impact"
 """Of the shipped ones."""
 
 
-def _impact(weights: str | Path = BEST_WEIGHTS) -> Policy:
+def _impact(
+    weights: str | Path = BEST_WEIGHTS,
+    robot: Robot = PANDA,
+    control_period: float = EPISODE.period,
+) -> Policy:
     """IMPACT with shipped weights, or those of a file. Imports the network only where it is asked for."""
     from drpbench.policies.weights import load
 
-    return load(weights)
+    return replace(load(weights, robot), control_period=control_period)
 
 
-def _drp(weights: str | Path = BEST_WEIGHTS) -> Policy:
-    return DcpRmp(_impact(weights))
+def _pretrained(robot: Robot = PANDA, control_period: float = EPISODE.period) -> Policy:
+    return _impact("impact-pretrained", robot, control_period)
 
 
-POLICIES: dict[str, tuple[Callable[[], Policy], str]] = {
+def _drp(
+    weights: str | Path = BEST_WEIGHTS,
+    robot: Robot = PANDA,
+    control_period: float = EPISODE.period,
+) -> Policy:
+    inner = _impact(weights, robot, control_period)
+    return DcpRmp(inner, robot=robot, control_period=control_period)
+
+
+POLICIES: dict[str, tuple[Callable[..., Policy], str]] = {
     "drp": (_drp, "Deep Reactive Policy: IMPACT with DCP-RMP, the paper's method"),
     "impact": (_impact, "the transformer policy alone, with the best weights there are"),
-    "impact-pretrained": (
-        lambda: _impact("impact-pretrained"),
-        "the same before it learned from corrections",
-    ),
+    "impact-pretrained": (_pretrained, "the same before it learned from corrections"),
     "rmp": (Rmp, "Riemannian motion policies from the point cloud alone"),
     "straight": (Straight, "the straight line in joint space, blind to the scene"),
     "hold": (Hold, "stays where it is: the floor of every task"),
 }
-FROM_FILE: dict[str, Callable[[Path], Policy]] = {"drp": _drp, "impact": _impact}
+FROM_FILE: dict[str, Callable[..., Policy]] = {"drp": _drp, "impact": _impact}
 """Those that take weights of the user's: `impact:runs/mine/weights.safetensors`."""
-WRAPPERS: dict[str, tuple[Callable[[Policy], Policy], str]] = {
+WRAPPERS: dict[str, tuple[Callable[..., Policy], str]] = {
     "dcp-rmp": (DcpRmp, "gives way to the dynamic closest point; goes over any policy"),
 }
 
@@ -61,41 +79,53 @@ def make(name: str) -> Any:
     return choose(name).policy
 
 
-def choose(name: str, arguments: Sequence[str] = (), time_limit: float = TIME_LIMIT) -> Choice:
+def choose(
+    name: str,
+    arguments: Sequence[str] = (),
+    time_limit: float = TIME_LIMIT,
+    robot: Robot = PANDA,
+    episode: Episode = EPISODE,
+) -> Choice:
     """The policy that `name` describes: `rmp`; with wrappers, `straight+dcp-rmp`; with a file of weights,
     `impact:weights.safetensors`; yours by import path, `my_package.my_module:MyPolicy`, or by the name
     under which your installed package offers it; or that of another process, `remote:127.0.0.1:5555`.
 
     `arguments` are keyword parameters for the policy itself, each as "name=value"; `time_limit` [s] is
-    what a policy outside jit may take for a control step. Such a policy comes as a Hosted.
+    what a policy outside jit may take for a control step. Such a policy comes as a Hosted. A policy whose
+    factory has a parameter called `robot` or `control_period` gets the arm, or how long a control step of
+    the episode is [s].
 
     Raises PolicyError or WeightsError, each one line.
     """
+    world = dict(zip(OF_THE_WORLD, (robot, episode.period), strict=True))
     base, wrappers = _split(name)
+    factory: Callable[..., Any]
+    fixed: dict[str, Any]
     kind, _, rest = base.partition(":")
     if ":" in base and kind in FROM_FILE:
         factory, fixed = FROM_FILE[kind], {"weights": Path(rest)}
     elif ":" in base and kind == "remote":
         if arguments:
             raise PolicyError("--policy-arg: a remote policy takes its parameters where it runs")
-        return _remote(rest, wrappers, time_limit)
+        return _remote(rest, wrappers, time_limit, world)
     elif ":" in base and (kind in POLICIES or kind in installed()):
         raise UnknownPolicy(
             f"{kind!r} takes no file of weights; those that do: {', '.join(FROM_FILE)}"
         )
     elif ":" in base:
-        return _theirs(base, find(base), arguments, wrappers, time_limit)
+        return _theirs(base, find(base), arguments, wrappers, time_limit, world)
     elif base in POLICIES:
         factory, fixed = POLICIES[base][0], {}
     elif base in installed():
-        return _theirs(base, offered(installed()[base]), arguments, wrappers, time_limit)
+        return _theirs(base, offered(installed()[base]), arguments, wrappers, time_limit, world)
     else:
         known = ", ".join([*POLICIES, *installed()])
         raise UnknownPolicy(
             f"no policy {base!r}; there are: {known}, and yours as module:Class{_over()}"
         )
+    fixed |= accepted(factory, world)
     chosen = read(base, factory, arguments, fixed)
-    policy = _wrapped(factory(**fixed, **chosen), wrappers)
+    policy = _wrapped(factory(**fixed, **chosen), wrappers, world)
     return Choice(policy, parameters(policy))
 
 
@@ -103,7 +133,7 @@ def _split(name: str) -> tuple[str, list[str]]:
     """`straight+dcp-rmp` as its policy and what goes over it, innermost first."""
     if ":" in name:
         # A path may hold a plus; what is no wrapper at its end belongs to it.
-        base, wrappers = name, []
+        base, wrappers = name, list[str]()
         while (split := base.rpartition("+"))[2] in WRAPPERS:
             base, wrappers = split[0], [split[2], *wrappers]
         return base, wrappers
@@ -117,30 +147,48 @@ def _theirs(
     arguments: Sequence[str],
     wrappers: list[str],
     time_limit: float,
+    world: Mapping[str, Any],
 ) -> Choice:
-    chosen = read(name, factory, arguments)
-    policy = built(name, factory, chosen)
-    check(name, policy)
-    own = parameters(policy) if is_dataclass(policy) else settings(factory, chosen)
+    fixed = accepted(factory, world)
+    chosen = read(name, factory, arguments, fixed)
+
+    def build() -> Any:
+        return built(name, factory, fixed | chosen)
+
+    policy = build()
+    check(name, policy, observation_spec(world["robot"]))
+    own = parameters(policy) if is_dataclass(policy) else settings(factory, chosen, fixed)
     own = {"policy." * len(wrappers) + key: value for key, value in own.items()}
     if not is_host(policy):
-        policy = _wrapped(policy, wrappers)
+        policy = _wrapped(policy, wrappers, world)
         return Choice(policy, parameters(policy) | own)
-    return _hosted(policy, lambda: built(name, factory, chosen), wrappers, own, time_limit)
+    return _hosted(policy, build, wrappers, own, time_limit, world)
 
 
-def _remote(address: str, wrappers: list[str], time_limit: float) -> Choice:
+def _remote(
+    address: str, wrappers: list[str], time_limit: float, world: Mapping[str, Any]
+) -> Choice:
     def connect() -> Remote:
         return Remote(address, time_limit)
 
     policy = connect()
     own = {"policy." * len(wrappers) + key: value for key, value in policy.parameters.items()}
-    return _hosted(policy, connect, wrappers, own, time_limit, slack=5.0)
+    return _hosted(policy, connect, wrappers, own, time_limit, world, slack=5.0)
 
 
-def _hosted(policy, build, wrappers, own, time_limit, slack=0.0) -> Choice:
+def _hosted(
+    policy: HostPolicy,
+    build: Callable[[], HostPolicy],
+    wrappers: list[str],
+    own: dict[str, Any],
+    time_limit: float,
+    world: Mapping[str, Any],
+    slack: float = 0.0,
+) -> Choice:
     """`slack` [s] is for a policy that keeps the limit itself, and should be the one to say so."""
-    hosted = Hosted(policy, build, lambda shown: _wrapped(shown, wrappers), time_limit + slack)
+    hosted = Hosted(
+        policy, build, lambda shown: _wrapped(shown, wrappers, world), time_limit + slack
+    )
     over = {
         key: value for key, value in parameters(hosted.shown).items() if "privileged" not in key
     }
@@ -148,14 +196,15 @@ def _hosted(policy, build, wrappers, own, time_limit, slack=0.0) -> Choice:
     return Choice(hosted, over | own | told)
 
 
-def _wrapped(policy: Any, wrappers: list[str]) -> Any:
+def _wrapped(policy: Any, wrappers: list[str], world: Mapping[str, Any]) -> Any:
     for wrapper in wrappers:
         if wrapper not in WRAPPERS:
             raise UnknownPolicy(
                 f"nothing called {wrapper!r} goes over a policy; there is: {', '.join(WRAPPERS)} "
                 f"(as in straight+dcp-rmp)"
             )
-        policy = WRAPPERS[wrapper][0](policy)
+        wrap = WRAPPERS[wrapper][0]
+        policy = wrap(policy, **accepted(wrap, world))
     return policy
 
 
@@ -164,9 +213,14 @@ def _over() -> str:
 
 
 def parameters(policy: Any, prefix: str = "") -> dict[str, float | int | str | bool]:
-    """Every scalar setting of a policy, by dotted name, for a result's header."""
+    """Every scalar setting of a policy, by dotted name, for a result's header.
+
+    What is the world's, its arm and its control period, is none.
+    """
     found: dict[str, float | int | str | bool] = {}
     for field in fields(policy) if is_dataclass(policy) else ():
+        if field.name in OF_THE_WORLD:
+            continue
         value = getattr(policy, field.name)
         if is_dataclass(value):
             found |= parameters(value, f"{prefix}{field.name}.")

@@ -19,8 +19,10 @@ from typing import Any
 
 import numpy as np
 
+from drpbench.contract import OBSERVED, HostObservation
+
 from .errors import PolicyError
-from .host import RESET_SHARE, Failed, HostObservation
+from .host import RESET_SHARE, Failed
 
 PROTOCOL = 1
 MAGIC = b"DRP1"
@@ -148,6 +150,8 @@ class Remote:
         return self._ask("act", observation, "targets", self.time_limit)
 
     def _ask(self, kind: str, observation: HostObservation, wanted: str, limit: float) -> Any:
+        if self._connection is None:
+            raise Failed("disconnected: the connection was lost before")
         try:
             header, arrays = self._connection.ask(packed(kind, _arrays(observation)), limit)
             if header.get("kind") == "error":
@@ -191,16 +195,17 @@ class Remote:
         raise PolicyError(f"{name}: {said}")
 
     def _hang_up(self) -> None:
-        self._connection.close()
+        if self._connection is not None:
+            self._connection.close()
         self._connection = None
 
 
 def _arrays(observation: HostObservation) -> dict[str, np.ndarray]:
     """An observation's arrays by name; those of the obstacle models as `obstacles.position` and so on."""
-    arrays = dict(vars(observation))
-    obstacles = arrays.pop("obstacles")
-    if obstacles is not None:
-        arrays |= {f"obstacles.{name}": array for name, array in vars(obstacles).items()}
+    arrays = {name: getattr(observation, name) for name in OBSERVED}
+    if observation.obstacles is not None:
+        models = vars(observation.obstacles)
+        arrays |= {f"obstacles.{name}": array for name, array in models.items()}
     return arrays
 
 

@@ -6,6 +6,8 @@ import re
 from pathlib import Path
 from string import Template
 
+from drpbench.contract import ArraySpec, Spec, observation_spec
+
 from .errors import PolicyError
 
 _FILES = {
@@ -63,12 +65,11 @@ class $class_:
         """New episodes begin, B = len(observation.joint_position) of them: forget the old ones."""
 
     def act(self, observation):
-        """Absolute joint position targets (B, 7) [rad] for the next control step, 1/60 s.
+        """Absolute joint position targets (B, $joints) [rad] for the next control step.
 
-        observation.joint_position, .joint_velocity, .goal_joints   (B, 7) [rad], [rad/s], [rad]
-        observation.goal_position, .goal_quaternion                 (B, 3) [m], (B, 4) wxyz
-        observation.scene_points, .scene_mask                       (B, 2048, 3) [m], (B, 2048) bool
-        observation.robot_points                                    (B, 256, 3) [m]
+        What an observation has, with B instances in front:
+
+$fields
         """
         away = observation.goal_joints - observation.joint_position
         return observation.joint_position + np.clip(self.gain * away, -self.most, self.most)
@@ -85,20 +86,20 @@ from $module.policy import $class_
 
 def test_targets_are_one_short_step_towards_the_goal():
     rng = np.random.default_rng(0)
-    here, goal = rng.uniform(-1.0, 1.0, (2, 5, 7)).astype(np.float32)
+    here, goal = rng.uniform(-1.0, 1.0, (2, 5, $joints)).astype(np.float32)
     observation = SimpleNamespace(joint_position=here, goal_joints=goal)
     policy = $class_()
     policy.reset(observation)
     targets = policy.act(observation)
-    assert targets.shape == (5, 7)
+    assert targets.shape == (5, $joints)
     assert (np.abs(goal - targets) <= np.abs(goal - here)).all()
     assert (np.abs(targets - here) <= policy.most + 1e-6).all()
 ''',
 }
 
 
-def write(name: str, folder: Path, taken: frozenset[str]) -> list[Path]:
-    """Writes the package `folder/name`; returns its files.
+def write(name: str, folder: Path, taken: frozenset[str], spec: Spec | None = None) -> list[Path]:
+    """Writes the package `folder/name`; returns its files. `spec` is of what its policy will see.
 
     Raises PolicyError for a name that is none, is `taken` by a policy of drpbench or by a module, or whose
     folder stands there already.
@@ -111,7 +112,14 @@ def write(name: str, folder: Path, taken: frozenset[str]) -> list[Path]:
     if importlib.util.find_spec(module):
         raise PolicyError(f"{name!r}: there is a module {module} already; choose another name")
     root = folder / name
-    words = {"name": name, "module": module, "class_": module.title().replace("_", "")}
+    spec = spec or observation_spec()
+    words = {
+        "name": name,
+        "module": module,
+        "class_": module.title().replace("_", ""),
+        "joints": str(*spec["joint_position"].shape),
+        "fields": "\n".join(_line(field, of) for field, of in spec.items()),
+    }
     files = {
         root / Template(path).substitute(words): Template(text).substitute(words)
         for path, text in _FILES.items()
@@ -126,3 +134,10 @@ def write(name: str, folder: Path, taken: frozenset[str]) -> list[Path]:
     except OSError as error:
         raise PolicyError(f"{root}: cannot be written ({error.strerror})") from None
     return list(files)
+
+
+def _line(name: str, of: ArraySpec) -> str:
+    """A field of the observation, as a line of a docstring."""
+    shape = ", ".join(["B", *map(str, of.shape)])
+    kind = f"[{of.unit}]" if of.unit else of.dtype.name
+    return f"        {name:<16} {f'({shape})':<13} {kind:<8} {of.meaning}"

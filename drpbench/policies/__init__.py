@@ -5,3 +5,4 @@ from .dcp_rmp import Reaction as Reaction
 from .dynamic_points import squared_distances as squared_distances
 from .floors import Hold as Hold
 from .floors import Straight as Straight
+from .leaves import obstacle_leaf as obstacle_leaf

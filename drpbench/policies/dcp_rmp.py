@@ -28,14 +28,15 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from drpbench.compile import stored
-from drpbench.contract import CONTROL_PERIOD, Observation, Scalar
+from drpbench.contract import EPISODE, Observation, Scalar
 from drpbench.geometry import matrix_to_quaternion
-from drpbench.robot import PANDA, point_jacobian
+from drpbench.robot import PANDA, Robot, point_jacobian
 
 from .dynamic_points import is_dynamic, near_arm, squared_distances, velocity
+from .leaves import obstacle_leaf
 
 _STILL = 5e-4  # [m] a point that moved less since the last frame is static
 _APPEARED = 0.02  # [m] a point that would have moved more has just appeared
@@ -91,7 +92,7 @@ class Reaction:
     """x_obs [m], the dynamic scene point closest to the arm"""
     arm_point: Float[_Array, "*batch 3"]
     """x_p [m], the arm's surface point closest to it"""
-    goal_joints: Float[_Array, "*batch 7"]
+    goal_joints: Float[_Array, "*batch J"]
     """q_mg [rad]: q_g itself, exactly, where `active` is false"""
 
 
@@ -102,6 +103,9 @@ class DcpRmp:
 
     policy: Any
     constants: Constants = field(default_factory=Constants)
+    robot: Robot = field(default=PANDA, metadata={"static": True})
+    control_period: float = field(default=EPISODE.period, metadata={"static": True})
+    """[s] between two observations."""
 
     @property
     def privileged(self) -> bool:
@@ -114,12 +118,14 @@ class DcpRmp:
             mask=jnp.zeros_like(observation.scene_mask),
         )
 
-    def act(self, observation: Observation, carry: Carry, key):
+    def act(
+        self, observation: Observation, carry: Carry, key: PRNGKeyArray | None
+    ) -> tuple[Any, Carry]:
         goal = self.reaction(observation, carry).goal_joints
-        position, rotation = PANDA.grip_pose(PANDA.link_poses(goal))
+        position, rotation = self.robot.grip_pose(self.robot.link_poses(goal))
         seen = replace(
             observation,
-            goal_joints=goal,
+            goal_joints=jnp.asarray(goal),
             goal_position=position,
             goal_quaternion=matrix_to_quaternion(rotation),
         )
@@ -128,9 +134,9 @@ class DcpRmp:
 
     def reaction(self, observation: Observation, carry: Carry) -> Reaction:
         """What `act` bases its answer on, for one observation and the carry that it would be given."""
-        model = PANDA.moving_spheres
+        robot, model = self.robot, self.robot.moving_spheres
         q = observation.joint_position
-        poses = PANDA.link_poses(q)
+        poses = robot.link_poses(q)
         centers, radii = model.world(poses), jnp.asarray(model.radius)
         coarse = np.arange(0, model.count, 4)
         near = near_arm(
@@ -146,11 +152,11 @@ class DcpRmp:
             x_p,
             point_jacobian(poses, x_p, jnp.asarray(model.frame)[sphere]),
             x_obs,
-            velocity(x_obs, carry.points, carry.mask, CONTROL_PERIOD, farthest=_APPEARED),
+            velocity(x_obs, carry.points, carry.mask, self.control_period, farthest=_APPEARED),
         )
         matters = dynamic.any() & (jnp.sum(jnp.square(x_p - x_obs)) < self.constants.r)
         goal = jnp.where(
-            matters, jnp.clip(goal, PANDA.joint_lower, PANDA.joint_upper), observation.goal_joints
+            matters, jnp.clip(goal, robot.joint_lower, robot.joint_upper), observation.goal_joints
         )
         return Reaction(
             active=(goal != observation.goal_joints).any(),
@@ -160,7 +166,12 @@ class DcpRmp:
         )
 
 
-def _closest(near, dynamic, centers, radii):
+def _closest(
+    near: Float[Array, "P 3"],
+    dynamic: Bool[Array, " P"],
+    centers: Float[Array, "S 3"],
+    radii: Float[Array, " S"],
+) -> tuple[Float[Array, "3"], Float[Array, "3"], Int[Array, ""]]:
     """x_obs, the dynamic point closest to the arm; x_p, the arm's surface point closest to it; and that
     point's sphere."""
     # Each minimum is taken apart from its argument: XLA's argmin on the CPU is twenty times slower.
@@ -177,27 +188,26 @@ def _closest(near, dynamic, centers, radii):
 
 def integrate(
     c: Constants,
-    q: Float[Array, "7"],
-    qd: Float[Array, "7"],
-    q_goal: Float[Array, "7"],
+    q: Float[Array, " J"],
+    qd: Float[Array, " J"],
+    q_goal: Float[Array, " J"],
     x_p: Float[Array, "3"],
-    jacobian: Float[Array, "3 7"],
+    jacobian: Float[Array, "3 J"],
     x_obs: Float[Array, "3"],
     v_obs: Float[Array, "3"],
-) -> Float[Array, "7"]:
+) -> Float[Array, " J"]:
     """The modified goal [rad] after the Euler steps. x_p follows the virtual arm to first order, and
     x_obs keeps its velocity [m/s]."""
 
-    def step(state, _):
+    def step(state: tuple, _: None) -> tuple[tuple, None]:
         p, v, obstacle = state
         offset = x_p + jacobian @ (p - q) - obstacle
         x_r = jnp.sum(offset * offset)
         j_r = 2.0 * offset @ jacobian
         xd_r = j_r @ v - 2.0 * offset @ v_obs
         closing = 1.0 - 1.0 / (1.0 + jnp.exp(jnp.clip(-xd_r / c.l_v, -50.0, 50.0)))
-        f_r = c.k_p * jnp.exp(-x_r / c.l_p) - c.k_v * closing * xd_r / (x_r / c.l_d + c.eps_d)
         gate = jnp.where(x_r <= c.r, (x_r - c.r) ** 2 / c.r**2, 0.0)
-        m_r = closing * gate * c.mu_r / (x_r / c.l_m + c.eps_m)
+        f_r, m_r = obstacle_leaf(c, x_r, xd_r, closing, gate)
         f_g = c.k_g * (q_goal - p) - c.k_d * v
         # J_r^T M_r J_r (J_r^T M_r J_r)^+ J_r^T M_r f_r = J_r^T M_r f_r, for one row J_r.
         force = j_r * (m_r * f_r) + c.mu_g * f_g

@@ -5,6 +5,8 @@ nearest neighbour is searched by brute force, for the points near the arm only, 
 matter.
 """
 
+from typing import cast
+
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -47,7 +49,7 @@ def squared_distances(
     first: Float[Array, "P 3"], second: Float[Array, "N 3"]
 ) -> Float[Array, "P N"]:
     """Squared distance [m^2] of every pair, by components: exactly zero for a point and itself."""
-    return sum(jnp.square(first[:, None, i] - second[None, :, i]) for i in range(3))
+    return cast(Array, sum(jnp.square(first[:, None, i] - second[None, :, i]) for i in range(3)))
 
 
 def is_dynamic(

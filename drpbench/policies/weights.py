@@ -20,9 +20,11 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as serialised
 
 from drpbench.errors import DrpbenchError
+from drpbench.robot import PANDA, Robot
 
-from .networks.impact import ImpactSize, shapes
+from .networks.impact import Parameters, shapes
 from .networks.impact_policy import Impact
+from .networks.impact_size import ImpactSize
 
 FOLDER = Path(__file__).parent / "weights"
 FORMAT = "drpbench-impact-1"
@@ -57,7 +59,7 @@ def save(
     if storage not in STORAGE:
         raise WeightsError(f"{path}: storage is {' or '.join(STORAGE)}, not {storage!r}")
     found = _named(policy.parameters)
-    _check(path, {name: leaf.shape for name, leaf in found.items()}, policy.size)
+    _check(path, {name: leaf.shape for name, leaf in found.items()}, policy.size, policy.robot)
     tensors = {name: np.asarray(leaf, storage) for name, leaf in found.items()}
     if infinite := [name for name, leaf in tensors.items() if not np.isfinite(leaf).all()]:
         raise WeightsError(f"{path}: not finite as {storage}: {infinite[0]}")
@@ -70,23 +72,24 @@ def save(
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     _write(path, serialised(tensors, metadata=metadata))
-    _write(path.with_suffix(".md"), _markdown(path.stem, policy.size, card, digest).encode())
+    _write(path.with_suffix(".md"), _markdown(path.stem, policy, card, digest).encode())
     return digest
 
 
-def load(name: str | Path) -> Impact:
+def load(name: str | Path, robot: Robot = PANDA) -> Impact:
     """The shipped policy of that name, or that of a file, a path that ends in `.safetensors`.
 
-    Raises WeightsError: one line that names the file, what is wrong and what would be right.
+    Raises WeightsError, also where the network is one for another arm than `robot`: one line that names the
+    file, what is wrong and what would be right.
     """
     path = _find(name)
     metadata, tensors = _read(path)
     try:
         size = _size(metadata.get("size", ""))
+        expected = shapes(size, robot)
     except (ValueError, TypeError) as error:
         raise WeightsError(f"{path}: not sizes of IMPACT: {_line(error)}") from None
-    expected = shapes(size)
-    _check(path, {key: leaf.shape for key, leaf in tensors.items()}, size)
+    _check(path, {key: leaf.shape for key, leaf in tensors.items()}, size, robot)
     if _digest(tensors) != metadata.get("sha256"):
         raise WeightsError(
             f"{path}: damaged: its numbers are not those that were saved; copy it anew"
@@ -94,7 +97,7 @@ def load(name: str | Path) -> Impact:
     parameters = jax.tree_util.tree_map_with_path(
         lambda keys, _: jnp.asarray(tensors[_name(keys)], jnp.float32), expected
     )
-    return Impact(parameters, size, metadata["sha256"])
+    return Impact(parameters, size, metadata["sha256"], robot)
 
 
 def card(name: str | Path) -> dict[str, Any]:
@@ -134,18 +137,21 @@ def _read(path: Path) -> tuple[dict[str, str], dict[str, np.ndarray]]:
 
 def _size(text: str) -> ImpactSize:
     """The sizes that a file states. Raises ValueError or TypeError."""
-    values = json.loads(text)
+    values: Any = json.loads(text)
     names = {field.name for field in fields(ImpactSize)}
     # A file from before a size existed is of a network without it: the defaults say so.
     since = {"feelers", "feeler_radius", "feeler_samples"}
     if not isinstance(values, dict) or not names - since <= values.keys() <= names:
         raise ValueError(f"they must be {', '.join(sorted(names))}")
-    return ImpactSize(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+    sizes: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in values.items()
+    }
+    return ImpactSize(**sizes)
 
 
-def _check(path: Path, found: Mapping[str, tuple], size: ImpactSize) -> None:
-    """Raises WeightsError unless these are the names and shapes of a network of this size."""
-    expected = {name: leaf.shape for name, leaf in _named(shapes(size)).items()}
+def _check(path: Path, found: Mapping[str, tuple], size: ImpactSize, robot: Robot) -> None:
+    """Raises WeightsError unless these are the names and shapes of a network of this size for the arm."""
+    expected = {name: leaf.shape for name, leaf in _named(shapes(size, robot)).items()}
     missing, unknown = sorted(expected.keys() - found), sorted(found.keys() - expected)
     if missing:
         raise WeightsError(f"{path}: {len(missing)} tensors are missing, first {missing[0]}")
@@ -153,14 +159,20 @@ def _check(path: Path, found: Mapping[str, tuple], size: ImpactSize) -> None:
         raise WeightsError(f"{path}: {len(unknown)} tensors too many, first {unknown[0]}")
     for name, shape in expected.items():
         if found[name] != shape:
-            raise WeightsError(f"{path}: {name} has shape {found[name]}; its sizes ask for {shape}")
+            raise WeightsError(
+                f"{path}: {name} has shape {found[name]}; its sizes ask for {shape}{_of(robot)}"
+            )
 
 
-def _name(keys) -> str:
+def _of(robot: Robot) -> str:
+    return f" for {robot.name} ({robot.joints} joints)" if robot != PANDA else ""
+
+
+def _name(keys: tuple) -> str:
     return ".".join(str(key.key) for key in keys)
 
 
-def _named(parameters: Any) -> dict[str, Any]:
+def _named(parameters: Parameters) -> dict[str, Any]:
     """Arrays by dotted name, such as `encoder.0.attention.query.kernel`."""
     return {_name(keys): leaf for keys, leaf in jax.tree_util.tree_leaves_with_path(parameters)}
 
@@ -189,16 +201,16 @@ def _line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _markdown(name: str, size: ImpactSize, card: Mapping[str, Any], digest: str) -> str:
+def _markdown(name: str, policy: Impact, card: Mapping[str, Any], digest: str) -> str:
     """The model card: one row a fact; a fact that holds facts is a table of its own."""
-    count = sum(int(np.prod(leaf.shape)) for leaf in jax.tree.leaves(shapes(size)))
+    count = sum(int(np.prod(leaf.shape)) for leaf in jax.tree.leaves(policy.parameters))
     simple = {key: value for key, value in card.items() if not isinstance(value, Mapping)}
     lines = [f"# {name}", "", f"IMPACT with {count:,} parameters.", ""]
     lines += _table(simple | {"sha256 of the numbers": digest})
     for key, value in card.items():
         if isinstance(value, Mapping):
             lines += ["", f"## {key.capitalize()}", "", *_table(value)]
-    lines += ["", "## Sizes", "", *_table(asdict(size))]
+    lines += ["", "## Sizes", "", *_table(asdict(policy.size))]
     return "\n".join(lines) + "\n"
 
 

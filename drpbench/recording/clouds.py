@@ -6,8 +6,8 @@ import jax
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.contract import Movers
-from drpbench.perception.surface_cloud import Cloud, robot_points, scene_cloud
+from drpbench.contract import ROBOT_POINTS, Movers
+from drpbench.perception.surface_cloud import Cloud, scene_cloud
 from drpbench.robot import PANDA
 
 from .episode import Episode
@@ -41,4 +41,4 @@ def _on_boxes(cloud: Cloud, movers: Movers) -> tuple[jax.Array, jax.Array]:
 
 
 _boxes = jit(jax.vmap(_on_boxes, in_axes=(None, 0)))
-_robot = jit(jax.vmap(lambda q: robot_points().world(PANDA.link_poses(q))))
+_robot = jit(jax.vmap(lambda q: PANDA.surface_points(ROBOT_POINTS).world(PANDA.link_poses(q))))

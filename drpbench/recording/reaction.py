@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.contract import Movers, Observation
+from drpbench.contract import ROBOT_POINTS, Movers, Observation
 from drpbench.envs import State
 from drpbench.geometry import signed_distance
-from drpbench.perception.surface_cloud import robot_points, scene_cloud
+from drpbench.perception.surface_cloud import scene_cloud
 from drpbench.policies import DcpRmp, Reaction
 from drpbench.policies.dcp_rmp import Carry, Constants
 from drpbench.robot import PANDA
@@ -99,7 +99,7 @@ def _once(
         goal_quaternion=jnp.asarray(state.problem.goal_quaternion),
         scene_points=points,
         scene_mask=mask,
-        robot_points=robot_points().world(PANDA.link_poses(q)),
+        robot_points=PANDA.surface_points(ROBOT_POINTS).world(PANDA.link_poses(q)),
     )
     return module.reaction(observation, carry)
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.contract import CONTROL_PERIOD
+from drpbench.contract import EPISODE
 from drpbench.envs.dynamics import SUBSTEPS, substep
 from drpbench.robot import PANDA
 
 EPISODES, STEPS = 16, 200
 STOP_STIFFNESS = 2000.0  # [N m/rad] docs/protocol.md
 KP, KD, DAMPING = 1000.0, 50.0, 1.0  # [N m/rad], [N m s/rad] twice
-SUBSTEP = CONTROL_PERIOD / SUBSTEPS
+SUBSTEP = EPISODE.period / SUBSTEPS
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def walking_targets(rng, share):
 
 def test_two_substeps_are_one_control_step(model):
     assert model.opt.timestep == pytest.approx(SUBSTEP, rel=1e-12)
-    assert pytest.approx(1.0 / 60.0) == CONTROL_PERIOD
+    assert pytest.approx(1.0 / 60.0) == EPISODE.period
 
 
 def test_motion_within_the_torque_limits_is_that_of_c_mujoco(simulate, model):

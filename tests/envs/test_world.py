@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.contract import CONTROL_PERIOD, ROBOT_POINTS, SCENE_POINTS
+from drpbench.contract import EPISODE, ROBOT_POINTS, SCENE_POINTS
 from drpbench.envs import TASKS, World
 from drpbench.geometry import signed_distance
-from drpbench.perception.surface_cloud import robot_points
 from drpbench.robot import PANDA
 
 from ..scenes import batch, bodies, boxes, postures, problem
@@ -181,7 +180,7 @@ def test_one_world_alone_does_what_it_does_among_others(start, targets, run):
 
 def test_the_servos_follow_at_the_velocity_limits_within_the_joint_limits(start, targets, run):
     reference = np.concatenate([np.asarray(start.reference)[None], run[0].reference]).astype(float)
-    most = PANDA.velocity_limit * CONTROL_PERIOD
+    most = PANDA.velocity_limit * EPISODE.period
     step = np.diff(reference, axis=0)
     assert (np.abs(step) <= most + 1e-6).all()
     aim = np.clip(targets, PANDA.joint_lower, PANDA.joint_upper)
@@ -248,7 +247,7 @@ def test_what_is_seen_is_the_problem_and_the_arm(start, run):
     np.testing.assert_array_equal(seen.joint_velocity, states.joint_velocity)
     assert seen.scene_points.shape == (STEPS, LANES, SCENE_POINTS, 3)
     assert seen.robot_points.shape == (STEPS, LANES, ROBOT_POINTS, 3)
-    skin = jit(jax.vmap(lambda q: robot_points().world(PANDA.link_poses(q))))(
+    skin = jit(jax.vmap(lambda q: PANDA.surface_points(ROBOT_POINTS).world(PANDA.link_poses(q))))(
         states.joint_position[-1]
     )
     np.testing.assert_allclose(seen.robot_points[-1], skin, atol=1e-6)

@@ -14,7 +14,6 @@ from drpbench.geometry import BOX, CYLINDER, SPHERE, Primitives, signed_distance
 from drpbench.perception.surface_cloud import (
     Cloud,
     on_box,
-    robot_points,
     sample_static,
     scene_cloud,
     shares,
@@ -199,7 +198,7 @@ def test_the_cloud_of_a_box_that_changes_size_is_on_the_new_box(observed):
 
 
 def test_the_arm_shows_256_points_of_every_moving_link():
-    points = robot_points()
+    points = PANDA.surface_points(ROBOT_POINTS)
     assert points.count == ROBOT_POINTS
     assert len(np.unique(points.local, axis=0)) == ROBOT_POINTS
     assert {PANDA.link_names[i] for i in points.link} == set(PANDA.link_names[1:])

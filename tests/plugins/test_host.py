@@ -17,7 +17,7 @@ import pytest
 from drpbench.envs import TASKS
 from drpbench.evaluation.metrics import rows
 from drpbench.plugins.errors import PolicyError
-from drpbench.plugins.host import Failed, Hosted, HostObservation, answered
+from drpbench.plugins.host import Failed, Hosted, answered
 from drpbench.plugins.registry import choose
 from drpbench.policies import DcpRmp, Straight
 from drpbench.problems import load
@@ -105,7 +105,7 @@ def test_a_host_policy_sees_the_real_instances_at_every_step(sound):
         "scene_mask": (2048,),
         "robot_points": (256, 3),
     }
-    assert {of.name for of in fields(HostObservation)} == {*shapes, "obstacles"}
+    assert vars(seen[0]).keys() == {*shapes, "obstacles"}
     for observation in (seen[0], seen[1], seen[-1]):
         for name, shape in shapes.items():
             array = getattr(observation, name)
@@ -257,14 +257,14 @@ def test_threads_end_with_their_policies(play):
     "answer", [[[0.5] * 7, [1] * 7], np.full((2, 7), 2, np.int8), jnp.zeros((2, 7))]
 )
 def test_answers_may_be_any_array_of_numbers(answer):
-    found = answered(answer, 2)
+    found = answered(answer, 2, 7)
     assert found.dtype == np.float32 and found.shape == (2, 7)
     np.testing.assert_array_equal(found, np.asarray(answer))
 
 
 def test_complex_answers_are_refused():
     with pytest.raises(Failed, match="complex"):
-        answered(np.zeros((2, 7), complex), 2)
+        answered(np.zeros((2, 7), complex), 2, 7)
 
 
 def test_the_examples_go_the_same_way_in_this_process_and_in_another(play, monkeypatch):
@@ -316,8 +316,9 @@ def test_dlpack_hands_out_jaxs_own_memory(monkeypatch):
     but for the mask (not every PyTorch reads booleans)."""
     from contextlib import nullcontext
 
+    from drpbench.contract import observation_spec
     from drpbench.plugins.host import HANDED
-    from drpbench.plugins.imported import _nothing_seen
+    from drpbench.plugins.imported import nothing_seen
 
     stand_in = SimpleNamespace(
         from_dlpack=np.from_dlpack,
@@ -326,7 +327,7 @@ def test_dlpack_hands_out_jaxs_own_memory(monkeypatch):
         cuda=SimpleNamespace(is_available=lambda: False),
     )
     monkeypatch.setitem(sys.modules, "torch", stand_in)
-    batch = jax.tree.map(lambda leaf: jnp.stack([leaf] * 4), _nothing_seen())
+    batch = jax.tree.map(lambda leaf: jnp.stack([leaf] * 4), nothing_seen(observation_spec()))
     handed, context = HANDED["torch"](batch, 3, SimpleNamespace())
     for of in fields(batch):
         if (leaf := getattr(batch, of.name)) is not None:

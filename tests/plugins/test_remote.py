@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drpbench.contract import OBSERVED, HostObservation
 from drpbench.geometry import Primitives
 from drpbench.plugins.errors import PolicyError
-from drpbench.plugins.host import Failed, HostObservation
+from drpbench.plugins.host import Failed
 from drpbench.plugins.registry import choose
 from drpbench.plugins.remote import Remote, packed
 
@@ -232,7 +233,7 @@ def test_garbage_in_the_middle_of_a_run_fails_the_batch(answers, status):
     remote = Remote(scripted(hello(), *answers), LIMIT)
     with pytest.raises(Failed) as failed:
         # A short observation, so that the script gets it in one piece.
-        small = HostObservation(*[np.zeros((1, 1))] * 8)
+        small = HostObservation(**{name: np.zeros((1, 1)) for name in OBSERVED})
         remote.reset(small)
         remote.act(small)
     assert str(failed.value).startswith(status)

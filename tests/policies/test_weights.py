@@ -15,8 +15,9 @@ from drpbench.contract import Policy
 from drpbench.plugins.registry import parameters as header_parameters
 from drpbench.policies import weights
 from drpbench.policies.networks.chunks import commanded
-from drpbench.policies.networks.impact import ImpactSize, apply, initial
+from drpbench.policies.networks.impact import apply, initial
 from drpbench.policies.networks.impact_policy import Impact
+from drpbench.policies.networks.impact_size import ImpactSize
 from drpbench.policies.weights import FACTS, WeightsError, load, save
 
 from ..scenes import observation, postures

@@ -6,18 +6,18 @@ control step 30 and every 200 steps from there, a box is put on the first later 
 stays as it was. It is removed 100 control steps before the end.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Key
+from jaxtyping import Array, Bool, Float, Int, Key, PRNGKeyArray
 
-from drpbench.contract import CONTROL_STEPS, no_movers
+from drpbench.contract import Episode, Movers, Problem, no_movers
 
+from ..arm import Arm
 from ..movers import clearance_of_box, random_rotation
 
-_FIRST, _EVERY, _STRIDE = 30, 200, 5
-_REMOVED = CONTROL_STEPS - 100
+_FIRST, _EVERY, _STRIDE, _REMOVED = 30, 200, 5, 100  # control steps at 60 Hz
 
 
 @jax.tree_util.register_dataclass
@@ -25,9 +25,11 @@ _REMOVED = CONTROL_STEPS - 100
 class _Memory:
     key: Key[Array, "*batch"]
     path: Float[Array, "*batch poses 3"]
-    """Positions of grip [m] after control steps 0, 5, 10, ... of the first pass."""
+    """Positions of grip [m] after every `stride`th control step of the first pass, the first one's first."""
     known: Bool[Array, "*batch"]
     """Whether the first pass has been; without a path nothing appears."""
+    stride: int = field(metadata={"static": True})
+    """Control steps between two poses of the path: 5 at 60 Hz."""
 
 
 @dataclass(frozen=True)
@@ -37,16 +39,30 @@ class Appearing:
     movers: int = 1
     rehearsed: bool = True
 
-    def reset(self, problem, arm, key):
-        path = jnp.zeros((CONTROL_STEPS // _STRIDE, 3))
-        return no_movers(1), _Memory(key, path, jnp.bool_(False))
+    def reset(
+        self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode
+    ) -> tuple[Movers, _Memory]:
+        stride = episode.lasting(_STRIDE)
+        path = jnp.zeros((-(-episode.steps // stride), 3))
+        return no_movers(1), _Memory(key, path, jnp.bool_(False), stride)
 
     def second_pass(self, memory: _Memory, path: Float[Array, "steps 3"]) -> _Memory:
         """The memory to start the second pass with: `path` is grip's [m] after each step of the first."""
-        return replace(memory, path=path[::_STRIDE], known=jnp.bool_(True))
+        return replace(memory, path=path[:: memory.stride], known=jnp.bool_(True))
 
-    def advance(self, movers, memory, problem, arm, clock):
-        def place(movers):
+    def advance(
+        self,
+        movers: Movers,
+        memory: _Memory,
+        problem: Problem,
+        arm: Arm,
+        clock: Int[Array, ""],
+        episode: Episode,
+    ) -> tuple[Movers, _Memory]:
+        first, every = episode.lasting(_FIRST), episode.lasting(_EVERY)
+        removed = episode.steps - episode.lasting(_REMOVED)
+
+        def place(movers: Movers) -> Movers:
             # Level 1 (bare table): edges 0.05 to 0.3 m, 0.2 m of room; levels 2, 3: 0.1 to 0.2 m, 0.1 m.
             wide = problem.level == 1
             size_key, rotation_key = jax.random.split(jax.random.fold_in(memory.key, clock))
@@ -58,7 +74,7 @@ class Appearing:
                     half_size, rotation, position, arm.centers, arm.radii
                 )
             )(memory.path)
-            later = jnp.arange(len(memory.path)) * _STRIDE > clock
+            later = jnp.arange(len(memory.path)) * memory.stride > clock
             fits = memory.known & later & (room > jnp.where(wide, 0.2, 0.1))
             found = fits.any()
             return replace(
@@ -69,9 +85,9 @@ class Appearing:
                 active=movers.active | found,
             )
 
-        due = (clock >= _FIRST) & ((clock - _FIRST) % _EVERY == 0) & (clock < _REMOVED)
+        due = (clock >= first) & ((clock - first) % every == 0) & (clock < removed)
         movers = jax.lax.cond(due, place, lambda movers: movers, movers)
-        return replace(movers, active=movers.active & (clock < _REMOVED)), memory
+        return replace(movers, active=movers.active & (clock < removed)), memory
 
-    def valid(self, memory):
+    def valid(self, memory: _Memory) -> Bool[Array, ""]:
         return jnp.bool_(True)

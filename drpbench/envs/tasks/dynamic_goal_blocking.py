@@ -10,15 +10,19 @@ from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from drpbench.contract import CONTROL_STEPS
+from drpbench.contract import Episode, Movers, Problem
 
+from ..arm import Arm
 from ..movers import base_column_radius, drift, drifting_box, in_upper_shell
 
-_REMOVED = CONTROL_STEPS - 300
+_REMOVED = 300  # control steps at 60 Hz before the end
 
 
-def _excess(position, goal, column):
+def _excess(
+    position: Float[Array, "*boxes 3"], goal: Float[Array, "3"], column: Float[Array, "*boxes"]
+) -> Float[Array, "*boxes"]:
     """How far [m] a box's centre is outside the region it may drift in."""
     from_goal = jnp.linalg.norm(position - goal, axis=-1) - 1.0
     into_column = column - jnp.linalg.norm(position[..., :2], axis=-1)
@@ -33,26 +37,38 @@ class DynamicGoalBlocking:
     movers: int = 3
     rehearsed: bool = False
 
-    def reset(self, problem, arm, key):
-        goal = problem.goal_position
+    def reset(
+        self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode
+    ) -> tuple[Movers, tuple[()]]:
+        goal = jnp.asarray(problem.goal_position)
 
-        def place(key):
+        def place(key: PRNGKeyArray) -> Float[Array, "3"]:
             return in_upper_shell(key, goal, 0.5, 0.6)
 
-        def excess(position, column):
+        def excess(position: Float[Array, "3"], column: Float[Array, ""]) -> Float[Array, ""]:
             return _excess(position, goal, column)
 
-        def born(key):
-            return drifting_box(key, 0.3, place, excess, goal, 0.01, arm.centers, arm.radii)
+        def born(key: PRNGKeyArray) -> Movers:
+            return drifting_box(key, 0.3, place, excess, goal, 0.01, arm, episode.pace)
 
         movers = jax.vmap(born)(jax.random.split(key, self.movers))
         boxes = jnp.where(problem.level == 2, 3, 1)
         return replace(movers, active=jnp.arange(self.movers) < boxes), ()
 
-    def advance(self, movers, memory, problem, arm, clock):
-        column = base_column_radius(movers.half_size)
-        movers = drift(movers, lambda p: _excess(p, problem.goal_position, column))
-        return replace(movers, active=movers.active & (clock < _REMOVED)), memory
+    def advance(
+        self,
+        movers: Movers,
+        memory: tuple[()],
+        problem: Problem,
+        arm: Arm,
+        clock: Int[Array, ""],
+        episode: Episode,
+    ) -> tuple[Movers, tuple[()]]:
+        column = base_column_radius(movers.half_size, arm.base_radius)
+        goal = jnp.asarray(problem.goal_position)
+        movers = drift(movers, lambda position: _excess(position, goal, column))
+        removed = episode.steps - episode.lasting(_REMOVED)
+        return replace(movers, active=movers.active & (clock < removed)), memory
 
-    def valid(self, memory):
+    def valid(self, memory: tuple[()]) -> Bool[Array, ""]:
         return jnp.bool_(True)

@@ -11,16 +11,20 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from drpbench.contract import CONTROL_STEPS
+from drpbench.contract import Episode, Movers, Problem
 
+from ..arm import Arm
 from ..movers import base_column_radius, drift, drifting_box, in_upper_shell
 
 _CENTER = np.array([0.15, 0.0, 0.5], np.float32)  # [m]
-_REMOVED = CONTROL_STEPS - 300
+_REMOVED = 300  # control steps at 60 Hz before the end
 
 
-def _excess(position, column):
+def _excess(
+    position: Float[Array, "*boxes 3"], column: Float[Array, "*boxes"]
+) -> Float[Array, "*boxes"]:
     """How far [m] a box's centre is outside the region it may drift in."""
     from_center = jnp.linalg.norm(position - _CENTER, axis=-1) - 1.2
     from_base = column - jnp.linalg.norm(position[..., :2], axis=-1)
@@ -34,24 +38,35 @@ class Floating:
     movers: int = 3
     rehearsed: bool = False
 
-    def reset(self, problem, arm, key):
+    def reset(
+        self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode
+    ) -> tuple[Movers, tuple[()]]:
         # Edges of 0.1 to 0.2 m on level 1 (the bare table), up to 0.3 m on level 2.
         longest = jnp.where(problem.level == 1, 0.2, 0.3)
 
-        def place(key):
+        def place(key: PRNGKeyArray) -> Float[Array, "3"]:
             position = in_upper_shell(key, jnp.asarray(_CENTER), 0.8, 1.0)
             return position.at[0].set(jnp.where(position[0] < 0.1, 0.5, position[0]))
 
-        def born(key):
+        def born(key: PRNGKeyArray) -> Movers:
             center = jnp.asarray(_CENTER)
-            return drifting_box(key, longest, place, _excess, center, 0.2, arm.centers, arm.radii)
+            return drifting_box(key, longest, place, _excess, center, 0.2, arm, episode.pace)
 
         return jax.vmap(born)(jax.random.split(key, self.movers)), ()
 
-    def advance(self, movers, memory, problem, arm, clock):
-        column = base_column_radius(movers.half_size)
+    def advance(
+        self,
+        movers: Movers,
+        memory: tuple[()],
+        problem: Problem,
+        arm: Arm,
+        clock: Int[Array, ""],
+        episode: Episode,
+    ) -> tuple[Movers, tuple[()]]:
+        column = base_column_radius(movers.half_size, arm.base_radius)
         movers = drift(movers, lambda position: _excess(position, column))
-        return replace(movers, active=movers.active & (clock < _REMOVED)), memory
+        removed = episode.steps - episode.lasting(_REMOVED)
+        return replace(movers, active=movers.active & (clock < removed)), memory
 
-    def valid(self, memory):
+    def valid(self, memory: tuple[()]) -> Bool[Array, ""]:
         return jnp.bool_(True)

@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Int, Key
+from jaxtyping import Array, Bool, Int, Key, PRNGKeyArray
 
-from drpbench.contract import CONTROL_STEPS, no_movers
+from drpbench.contract import Episode, Movers, Problem, no_movers
 
+from ..arm import Arm
 from ..movers import clearance_of_box, random_rotation
 
-_REMOVED = CONTROL_STEPS - 200
+_REMOVED = 200  # control steps at 60 Hz before the end
 _NEAR = 0.5  # [m] from grip to goal
 _ROOM = 0.01  # [m]
 _TRIES = 100
@@ -36,26 +37,37 @@ class GoalBlocking:
     movers: int = 1
     rehearsed: bool = False
 
-    def reset(self, problem, arm, key):
+    def reset(
+        self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode
+    ) -> tuple[Movers, _Memory]:
         return no_movers(1), _Memory(key, jnp.int32(0), jnp.bool_(False))
 
-    def advance(self, movers, memory, problem, arm, clock):
-        goal = problem.goal_position
+    def advance(
+        self,
+        movers: Movers,
+        memory: _Memory,
+        problem: Problem,
+        arm: Arm,
+        clock: Int[Array, ""],
+        episode: Episode,
+    ) -> tuple[Movers, _Memory]:
+        goal = jnp.asarray(problem.goal_position)
+        removed = episode.steps - episode.lasting(_REMOVED)
         size_key, rotation_key = jax.random.split(jax.random.fold_in(memory.key, memory.tries))
         half_size = jax.random.uniform(size_key, (3,), minval=0.1, maxval=0.2)
         rotation = random_rotation(rotation_key)
         clear = clearance_of_box(half_size, rotation, goal, arm.centers, arm.radii) > _ROOM
         near = jnp.linalg.norm(arm.grip_position - goal) < _NEAR
-        due = near & ~memory.placed & (memory.tries < _TRIES) & (clock < _REMOVED)
+        due = near & ~memory.placed & (memory.tries < _TRIES) & (clock < removed)
         place = due & clear
         movers = replace(
             movers,
             half_size=jnp.where(place, half_size[None], movers.half_size),
             rotation=jnp.where(place, rotation[None], movers.rotation),
             position=jnp.where(place, goal[None], movers.position),
-            active=(movers.active | place) & (clock < _REMOVED),
+            active=(movers.active | place) & (clock < removed),
         )
         return movers, _Memory(memory.key, memory.tries + due, memory.placed | place)
 
-    def valid(self, memory):
+    def valid(self, memory: _Memory) -> Bool[Array, ""]:
         return memory.placed

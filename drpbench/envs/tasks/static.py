@@ -3,8 +3,11 @@
 from dataclasses import dataclass
 
 import jax.numpy as jnp
+from jaxtyping import Array, Bool, Int, PRNGKeyArray
 
-from drpbench.contract import no_movers
+from drpbench.contract import Episode, Movers, Problem, no_movers
+
+from ..arm import Arm
 
 
 @dataclass(frozen=True)
@@ -14,11 +17,21 @@ class Static:
     movers: int = 0
     rehearsed: bool = False
 
-    def reset(self, problem, arm, key):
+    def reset(
+        self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode
+    ) -> tuple[Movers, tuple[()]]:
         return no_movers(0), ()
 
-    def advance(self, movers, memory, problem, arm, clock):
+    def advance(
+        self,
+        movers: Movers,
+        memory: tuple[()],
+        problem: Problem,
+        arm: Arm,
+        clock: Int[Array, ""],
+        episode: Episode,
+    ) -> tuple[Movers, tuple[()]]:
         return movers, memory
 
-    def valid(self, memory):
+    def valid(self, memory: tuple[()]) -> Bool[Array, ""]:
         return jnp.bool_(True)

@@ -1,22 +1,12 @@
 """What a task is: how its moving obstacles are born, move and vanish."""
 
-from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-import jax
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from drpbench.contract import Movers, Problem
+from drpbench.contract import Episode, Movers, Problem
 
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Arm:
-    """What a task may know of the arm: collision spheres (link0 left out) and the frame `grip`."""
-
-    centers: Float[Array, "*batch S 3"]
-    radii: Float[Array, "*batch S"]
-    grip_position: Float[Array, "*batch 3"]
+from ..arm import Arm
 
 
 @runtime_checkable
@@ -24,26 +14,55 @@ class Task(Protocol):
     """A task, as pure functions for one world. `memory` is whatever pytree the task needs.
 
     The control step `clock` is one number for all worlds of a batch, and no part of their state: an
-    event at a fixed time then stays a branch under `vmap`, and costs nothing in other steps.
+    event at a fixed time then stays a branch under `vmap`, and costs nothing in other steps. Times that
+    the tasks' descriptions give in control steps, and speeds a control step, are those at 60 Hz; at
+    another rate they last as long and are as fast (`Episode.lasting`, `Episode.pace`).
     """
 
-    name: str
-    title: str
-    movers: int
-    """How many moving boxes there can be."""
-    rehearsed: bool
-    """Whether a first pass records the policy's path, and `second_pass` starts the one that counts."""
+    @property
+    def name(self) -> str: ...
 
-    def reset(self, problem: Problem, arm: Arm, key: PRNGKeyArray) -> tuple[Movers, Any]:
+    @property
+    def title(self) -> str: ...
+
+    @property
+    def movers(self) -> int:
+        """How many moving boxes there can be."""
+        ...
+
+    @property
+    def rehearsed(self) -> bool:
+        """Whether a first pass records the policy's path, and `second_pass` starts the one that counts."""
+        ...
+
+    def reset(
+        self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode
+    ) -> tuple[Movers, Any]:
         """The boxes before the first control step."""
         ...
 
     def advance(
-        self, movers: Movers, memory: Any, problem: Problem, arm: Arm, clock: Int[Array, ""]
+        self,
+        movers: Movers,
+        memory: Any,
+        problem: Problem,
+        arm: Arm,
+        clock: Int[Array, ""],
+        episode: Episode,
     ) -> tuple[Movers, Any]:
         """The boxes during control step `clock`, from those of the step before."""
         ...
 
     def valid(self, memory: Any) -> Bool[Array, ""]:
         """Whether the episode was an instance of the task at all (see GB)."""
+        ...
+
+
+@runtime_checkable
+class RehearsedTask(Task, Protocol):
+    """A task whose episodes have two passes."""
+
+    def second_pass(self, memory: Any, path: Float[Array, "steps 3"]) -> Any:
+        """The memory to start the second pass with: `path` is where grip was [m] after each step of the
+        first."""
         ...

@@ -16,101 +16,31 @@ After the paper's "IMPACT" section and its table of hyperparameters. Where the p
 """
 
 import functools
-from dataclasses import dataclass, fields
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import nnx
+from jax.typing import DTypeLike
 from jaxtyping import Array, Bool, Float
 
-from drpbench.robot import PANDA, BodyPoints
+from drpbench.contract import ROBOT_POINTS
+from drpbench.contract import SCENE_POINTS as SCENE_POINTS
+from drpbench.robot import PANDA, BodyPoints, Robot
 
 from .chunks import CHUNK, FLOOR, RAMP
-from .feelers import MOST_FEELERS, feeler_points
+from .feelers import feeler_points, most_feelers
+from .impact_size import FULL as FULL
+from .impact_size import SIZES as SIZES
+from .impact_size import SMALL as SMALL
+from .impact_size import ImpactSize
 from .layers import attention, dot_general, greatest
 from .set_abstraction import farthest_points, gather, in_pieces, neighbourhoods
 
-SCENE_POINTS, ROBOT_POINTS = 2048, 256  # of an observation
 Parameters = dict[str, Any]
 """A nested dict of float32 arrays."""
 
-
-@dataclass(frozen=True)
-class ImpactSize:
-    """Every size of the network; the defaults are the paper's."""
-
-    scene_points: int = 2048
-    """Of the 2048 observed points every (2048 / scene_points)-th is used."""
-    scene_tokens: int = 128
-    robot_points: int = 256
-    robot_tokens: int = 16
-    radius: float = 0.1
-    """[m] of the ball query."""
-    samples: int = 64
-    point_mlp: tuple[int, ...] = (64, 64, 64)
-    joint_mlp: tuple[int, ...] = (128, 256)
-    width: int = 128
-    feed_forward: int = 1024
-    heads: int = 8
-    encoder_layers: int = 6
-    decoder_layers: int = 6
-    sees_goal: bool = False
-    """Whether the arm at its goal is shown: as tokens, and every scene point with its closeness to the arm
-    as it is and as it will be. The paper's network has to find that out from joints alone, which takes
-    data by the million."""
-    feelers: int = 0
-    """So many places on the arm feel what is around them: for each, the scene points within
-    `feeler_radius` make a token, with the arm as it is and again with the arm at its goal."""
-    feeler_radius: float = 0.12
-    """[m]"""
-    feeler_samples: int = 24
-
-    def __post_init__(self):
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if (
-                not isinstance(value, bool)
-                and field.name != "feelers"
-                and min(value if isinstance(value, tuple) else (value,)) <= 0
-            ):
-                raise ValueError(f"{field.name} must be positive, not {value}")
-        if not 0 <= self.feelers <= MOST_FEELERS:
-            raise ValueError(f"feelers must be 0 to {MOST_FEELERS}, not {self.feelers}")
-        for used, all_of_them in (("scene_points", SCENE_POINTS), ("robot_points", ROBOT_POINTS)):
-            if all_of_them % getattr(self, used):
-                raise ValueError(f"{used} must divide {all_of_them}, not be {getattr(self, used)}")
-        if self.width % self.heads:
-            raise ValueError(f"width {self.width} is not a multiple of heads {self.heads}")
-
-    @property
-    def points_seen(self) -> int:
-        """How many scene points are looked at: feelers miss none of them."""
-        return SCENE_POINTS if self.feelers else self.scene_points
-
-
-FULL = ImpactSize()
-SMALL = ImpactSize(
-    scene_points=512,
-    scene_tokens=48,
-    robot_points=64,
-    robot_tokens=8,
-    radius=0.2,
-    samples=16,
-    point_mlp=(32, 64),
-    joint_mlp=(64, 128),
-    width=64,
-    feed_forward=256,
-    heads=4,
-    encoder_layers=2,
-    decoder_layers=1,
-    sees_goal=True,
-    feelers=12,
-)
-"""For processors without an accelerator: the same architecture, but that it sees the arm at its goal, and has
-feelers."""
-SIZES = {"full": FULL, "small": SMALL}
 
 Linear = functools.partial(
     nnx.Linear, dot_general=dot_general, kernel_init=nnx.initializers.lecun_uniform()
@@ -132,24 +62,26 @@ def positional_encoding(
     return jnp.pad(waves, [(0, 0)] * (waves.ndim - 1) + [(0, width - 6 * count)])
 
 
-def normalised(q: Float[Array, "*batch 7"]) -> Float[Array, "*batch 7"]:
+def normalised(q: Float[Array, "*batch J"], robot: Robot = PANDA) -> Float[Array, "*batch J"]:
     """Joints [rad] as shares of their range, [-1, 1]."""
-    middle, half = (
-        0.5 * (PANDA.joint_upper + PANDA.joint_lower),
-        0.5 * (PANDA.joint_upper - PANDA.joint_lower),
-    )
+    middle = 0.5 * (robot.joint_upper + robot.joint_lower)
+    half = 0.5 * (robot.joint_upper - robot.joint_lower)
     return (q - jnp.asarray(middle, q.dtype)) / jnp.asarray(half, q.dtype)
 
 
-def arm_at(q: Float[Array, "*batch 7"], count: int) -> Float[Array, "*batch {count} 3"]:
+def arm_at(
+    q: Float[Array, "*batch J"], count: int, robot: Robot = PANDA
+) -> Float[Array, "*batch {count} 3"]:
     """Every (256 / count)-th of the observed points of the arm, at joints `q` [rad]: positions [m]."""
-    observed = PANDA.surface_points(ROBOT_POINTS)
-    return _world(observed.part(np.arange(0, ROBOT_POINTS, ROBOT_POINTS // count)), q)
+    observed = robot.surface_points(ROBOT_POINTS)
+    return _world(observed.part(np.arange(0, ROBOT_POINTS, ROBOT_POINTS // count)), q, robot)
 
 
-def _world(points: BodyPoints, q: Float[Array, "*batch 7"]) -> Float[Array, "*batch S 3"]:
+def _world(
+    points: BodyPoints, q: Float[Array, "*batch J"], robot: Robot
+) -> Float[Array, "*batch S 3"]:
     """Where points of the arm are [m] at joints `q` [rad]."""
-    flat = jax.vmap(lambda one: points.world(PANDA.link_poses(one)))(q.reshape(-1, 7))
+    flat = jax.vmap(lambda one: points.world(robot.link_poses(one)))(q.reshape(-1, robot.joints))
     return flat.reshape(*q.shape[:-1], points.count, 3)
 
 
@@ -158,7 +90,7 @@ def _closeness(
 ) -> Float[Array, "*batch N"]:
     """exp(-d / _CLOSE), d the distance [m] of each point to the nearest of the arm's."""
 
-    def visit(nearest, one):
+    def visit(nearest: Array, one: Array) -> tuple[Array, None]:
         away = sum(jnp.square(points[..., i] - one[..., i, None]) for i in range(3))
         return jnp.minimum(nearest, away), None
 
@@ -176,7 +108,7 @@ class PointTokens(nnx.Module):
         tokens: int,
         radius: float,
         samples: int,
-        dtype,
+        dtype: DTypeLike,
         rngs: nnx.Rngs,
         features: int = 0,
     ):
@@ -196,17 +128,17 @@ class PointTokens(nnx.Module):
         mask: Bool[Array, "*batch N"],
         *features: Float[Array, "*batch N F"],
         centers: Float[Array, "*batch T 3"] | None = None,
-    ):
+    ) -> Float[Array, "*batch T H"]:
         """A token for each of `centers`; without them, for points of the cloud that are far apart."""
         batch = mask.shape[:-1]
-        points, mask, *features = (
+        points, mask, *felt = (
             leaf.reshape(-1, *leaf.shape[len(batch) :]) for leaf in (points, mask, *features)
         )
         if centers is None:
             centers = gather(points, farthest_points(points, mask, self.tokens))
         else:
             centers = centers.reshape(-1, *centers.shape[len(batch) :])
-        clouds = (points, mask, centers, *features)
+        clouds = (points, mask, centers, *felt)
         pooled = in_pieces(self._pooled, self.tokens * self.samples, *clouds)
         tokens = self.out(nnx.relu(self.norm(self.hidden(pooled))))
         tokens = tokens + positional_encoding(centers, tokens.shape[-1]).astype(tokens.dtype)
@@ -214,7 +146,13 @@ class PointTokens(nnx.Module):
         tokens = jnp.where(mask.any(axis=-1)[..., None, None], tokens, 0.0)
         return tokens.reshape(*batch, *tokens.shape[1:])
 
-    def _pooled(self, points, mask, centers, features=None):
+    def _pooled(
+        self,
+        points: Float[Array, "*batch N 3"],
+        mask: Bool[Array, "*batch N"],
+        centers: Float[Array, "*batch T 3"],
+        features: Float[Array, "*batch N F"] | None = None,
+    ) -> Float[Array, "*batch T C"]:
         """The shared MLP and its maximum over each neighbourhood."""
         x = neighbourhoods(points, mask, centers, self.radius, self.samples, features)
         # Around a centre that is no point of the cloud there may be none.
@@ -229,19 +167,21 @@ class PointTokens(nnx.Module):
 class Attention(nnx.Module):
     """Multi-head attention of one sequence to another, or to itself."""
 
-    def __init__(self, size: ImpactSize, dtype, rngs: nnx.Rngs):
+    def __init__(self, size: ImpactSize, dtype: DTypeLike, rngs: nnx.Rngs):
         self.heads = size.heads
         self.query = Linear(size.width, size.width, dtype=dtype, rngs=rngs)
         self.key_value = Linear(size.width, 2 * size.width, dtype=dtype, rngs=rngs)
         self.out = Linear(size.width, size.width, dtype=dtype, rngs=rngs)
 
-    def __call__(self, x: Float[Array, "*batch Q H"], memory: Float[Array, "*batch T H"]):
+    def __call__(
+        self, x: Float[Array, "*batch Q H"], memory: Float[Array, "*batch T H"]
+    ) -> Float[Array, "*batch Q H"]:
         q = self._split(self.query(x))
         k, v = map(self._split, jnp.split(self.key_value(memory), 2, axis=-1))
         y = jnp.swapaxes(attention(q, k, v), -2, -3)
         return self.out(y.reshape(x.shape))
 
-    def _split(self, x):
+    def _split(self, x: Float[Array, "*batch T H"]) -> Float[Array, "*batch h T D"]:
         """(..., T, H) to (..., heads, T, H / heads)."""
         return jnp.swapaxes(x.reshape(*x.shape[:-1], self.heads, -1), -2, -3)
 
@@ -249,24 +189,24 @@ class Attention(nnx.Module):
 class FeedForward(nnx.Module):
     """Two linear layers about a ReLU."""
 
-    def __init__(self, size: ImpactSize, dtype, rngs: nnx.Rngs):
+    def __init__(self, size: ImpactSize, dtype: DTypeLike, rngs: nnx.Rngs):
         self.hidden = Linear(size.width, size.feed_forward, dtype=dtype, rngs=rngs)
         self.out = Linear(size.feed_forward, size.width, dtype=dtype, rngs=rngs)
 
-    def __call__(self, x: Float[Array, "*batch T H"]):
+    def __call__(self, x: Float[Array, "*batch T H"]) -> Float[Array, "*batch T H"]:
         return self.out(nnx.relu(self.hidden(x)))
 
 
 class EncoderLayer(nnx.Module):
     """x += attention(norm x); x += feed forward(norm x)."""
 
-    def __init__(self, size: ImpactSize, dtype, rngs: nnx.Rngs):
+    def __init__(self, size: ImpactSize, dtype: DTypeLike, rngs: nnx.Rngs):
         self.attention = Attention(size, dtype, rngs)
         self.feed_forward = FeedForward(size, dtype, rngs)
         self.norm_1 = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
         self.norm_2 = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
 
-    def __call__(self, x: Float[Array, "*batch T H"]):
+    def __call__(self, x: Float[Array, "*batch T H"]) -> Float[Array, "*batch T H"]:
         y = self.norm_1(x)
         x = x + self.attention(y, y)
         return x + self.feed_forward(self.norm_2(x))
@@ -275,7 +215,7 @@ class EncoderLayer(nnx.Module):
 class DecoderLayer(nnx.Module):
     """As the encoder's, with attention to the encoder's tokens in the middle."""
 
-    def __init__(self, size: ImpactSize, dtype, rngs: nnx.Rngs):
+    def __init__(self, size: ImpactSize, dtype: DTypeLike, rngs: nnx.Rngs):
         self.attention = Attention(size, dtype, rngs)
         self.cross = Attention(size, dtype, rngs)
         self.feed_forward = FeedForward(size, dtype, rngs)
@@ -283,7 +223,9 @@ class DecoderLayer(nnx.Module):
         self.norm_2 = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
         self.norm_3 = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
 
-    def __call__(self, x: Float[Array, "*batch 10 H"], memory: Float[Array, "*batch T H"]):
+    def __call__(
+        self, x: Float[Array, "*batch 10 H"], memory: Float[Array, "*batch T H"]
+    ) -> Float[Array, "*batch 10 H"]:
         y = self.norm_1(x)
         x = x + self.attention(y, y)
         x = x + self.cross(self.norm_2(x), memory)
@@ -293,13 +235,13 @@ class DecoderLayer(nnx.Module):
 class JointToken(nnx.Module):
     """An MLP from a configuration to one token."""
 
-    def __init__(self, inputs: int, size: ImpactSize, dtype, rngs: nnx.Rngs):
+    def __init__(self, inputs: int, size: ImpactSize, dtype: DTypeLike, rngs: nnx.Rngs):
         widths = (inputs, *size.joint_mlp, size.width)
         self.layers = nnx.List(
             Linear(a, b, dtype=dtype, rngs=rngs) for a, b in zip(widths, widths[1:], strict=False)
         )
 
-    def __call__(self, x: Float[Array, "*batch D"]):
+    def __call__(self, x: Float[Array, "*batch D"]) -> Float[Array, "*batch H"]:
         for layer in self.layers[:-1]:
             x = nnx.relu(layer(x))
         return self.layers[-1](x)
@@ -311,15 +253,26 @@ class ImpactNetwork(nnx.Module):
     Computes in `dtype`; parameters, joints and positions are float32.
     """
 
-    def __init__(self, size: ImpactSize, rngs: nnx.Rngs, dtype=jnp.float32):
-        self.size = size
+    def __init__(
+        self,
+        size: ImpactSize,
+        rngs: nnx.Rngs,
+        dtype: DTypeLike = jnp.float32,
+        robot: Robot = PANDA,
+    ):
+        """Raises ValueError for more feelers than the arm has places for."""
+        if size.feelers > most_feelers(robot):
+            raise ValueError(
+                f"feelers must be 0 to {most_feelers(robot)} on {robot.name}, got {size.feelers}"
+            )
+        self.size, self.arm = size, robot
         near = size.radius, size.samples
         features = 2 if size.sees_goal else 0
         self.scene = PointTokens(size, size.scene_tokens, *near, dtype, rngs, features)
         self.robot = PointTokens(size, size.robot_tokens, *near, dtype, rngs)
-        self.current = JointToken(7, size, dtype, rngs)
-        self.goal = JointToken(7, size, dtype, rngs)
-        self.difference = JointToken(14, size, dtype, rngs)
+        self.current = JointToken(robot.joints, size, dtype, rngs)
+        self.goal = JointToken(robot.joints, size, dtype, rngs)
+        self.difference = JointToken(2 * robot.joints, size, dtype, rngs)
         draw = nnx.initializers.normal(0.02)
         self.types = nnx.Param(draw(rngs.params(), (6 if size.sees_goal else 5, size.width)))
         if size.feelers:
@@ -332,7 +285,7 @@ class ImpactNetwork(nnx.Module):
         self.memory_norm = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
         self.action_norm = nnx.LayerNorm(size.width, dtype=dtype, rngs=rngs)
         small = nnx.initializers.variance_scaling(1e-2, "fan_in", "uniform")
-        self.out = Linear(size.width, 7, kernel_init=small, rngs=rngs)
+        self.out = Linear(size.width, robot.joints, kernel_init=small, rngs=rngs)
         self.dtype = dtype
 
     def __call__(
@@ -340,9 +293,9 @@ class ImpactNetwork(nnx.Module):
         scene_points: Float[Array, "*batch N 3"],
         scene_mask: Bool[Array, "*batch N"],
         robot_points: Float[Array, "*batch R 3"],
-        joints: Float[Array, "*batch 7"],
-        goal: Float[Array, "*batch 7"],
-    ) -> Float[Array, "*batch 10 7"]:
+        joints: Float[Array, "*batch J"],
+        goal: Float[Array, "*batch J"],
+    ) -> Float[Array, "*batch 10 J"]:
         """The chunk (`chunks.py`) for points [m] in the world frame and joints [rad].
 
         Points are thinned by a fixed stride: they are in random order, the moving boxes' last, so every
@@ -354,13 +307,13 @@ class ImpactNetwork(nnx.Module):
         scene_points, scene_mask = scene_points[..., ::stride, :], scene_mask[..., ::stride]
         robot_points = robot_points[..., :: robot_points.shape[-2] // size.robot_points, :]
         there = jnp.ones(robot_points.shape[:-1], bool)
-        q, g = normalised(joints), normalised(goal)
+        q, g = normalised(joints, self.arm), normalised(goal, self.arm)
         away = goal - joints
         farthest = jnp.max(jnp.abs(away), axis=-1, keepdims=True)
         towards = away / jnp.maximum(farthest, FLOOR * RAMP)
         closeness = []
         if size.sees_goal:
-            goal_points = arm_at(goal, size.robot_points)
+            goal_points = arm_at(goal, size.robot_points, self.arm)
             closeness = [
                 jnp.stack(
                     [_closeness(scene_points, arm) for arm in (robot_points, goal_points)], -1
@@ -380,7 +333,7 @@ class ImpactNetwork(nnx.Module):
         if size.feelers:
             places = self.places[...].astype(self.dtype)
             for posture, place in zip((joints, goal), places, strict=True):
-                centers = _world(feeler_points(size.feelers), posture)
+                centers = _world(feeler_points(size.feelers, self.arm), posture, self.arm)
                 groups.append(self.feeler(all_points, all_there, centers=centers) + place)
         x = jnp.concatenate(groups, axis=-2)
         for layer in self.encoder:
@@ -388,26 +341,29 @@ class ImpactNetwork(nnx.Module):
         memory = self.memory_norm(x)
         actions = self.actions[...].astype(self.dtype)
         x = jnp.broadcast_to(actions, (*x.shape[:-2], *actions.shape))
-        for layer in self.decoder:
-            x = layer(x, memory)
+        for decoding in self.decoder:
+            x = decoding(x, memory)
         return self.out(self.action_norm(x).astype(jnp.float32))
 
 
-def initial(size: ImpactSize, seed: int = 0) -> Parameters:
+def initial(size: ImpactSize, seed: int = 0, robot: Robot = PANDA) -> Parameters:
     """The parameters of an untrained network."""
-    return nnx.to_pure_dict(nnx.state(ImpactNetwork(size, nnx.Rngs(seed)), nnx.Param))
+    return nnx.to_pure_dict(nnx.state(ImpactNetwork(size, nnx.Rngs(seed), robot=robot), nnx.Param))
 
 
 @functools.cache
-def _form(size: ImpactSize, dtype: str):
+def _form(size: ImpactSize, dtype: str, robot: Robot) -> tuple[Any, Any]:
     """The network without its numbers."""
-    network = nnx.eval_shape(lambda: ImpactNetwork(size, nnx.Rngs(0), jnp.dtype(dtype)))
+    network = nnx.eval_shape(lambda: ImpactNetwork(size, nnx.Rngs(0), jnp.dtype(dtype), robot))
     return nnx.split(network, nnx.Param)
 
 
-def shapes(size: ImpactSize) -> dict[str, Any]:
-    """The tree of the parameters, with a shape and type in place of each array."""
-    return nnx.to_pure_dict(_form(size, "float32")[1])
+def shapes(size: ImpactSize, robot: Robot = PANDA) -> dict[str, Any]:
+    """The tree of the parameters, with a shape and type in place of each array.
+
+    Raises ValueError for more feelers than the arm has places for.
+    """
+    return nnx.to_pure_dict(_form(size, "float32", robot)[1])
 
 
 def apply(
@@ -416,12 +372,13 @@ def apply(
     scene_points: Float[Array, "*batch N 3"],
     scene_mask: Bool[Array, "*batch N"],
     robot_points: Float[Array, "*batch R 3"],
-    joints: Float[Array, "*batch 7"],
-    goal: Float[Array, "*batch 7"],
+    joints: Float[Array, "*batch J"],
+    goal: Float[Array, "*batch J"],
     dtype: str = "float32",
-) -> Float[Array, "*batch 10 7"]:
+    robot: Robot = PANDA,
+) -> Float[Array, "*batch 10 J"]:
     """The network of this size with these parameters; see `ImpactNetwork`."""
-    form, state = _form(size, dtype)
+    form, state = _form(size, dtype, robot)
     nnx.replace_by_pure_dict(state, parameters)
     network = nnx.merge(form, state)
     return network(scene_points, scene_mask, robot_points, joints, goal)

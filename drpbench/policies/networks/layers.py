@@ -6,9 +6,13 @@ first of the right is done in plain loops, and the gradient of a maximum in seve
 `python benchmarks/impact_inference.py` measures the outcome.
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+
+_Residuals = tuple[Array, ...]
 
 
 @jax.custom_vjp
@@ -17,11 +21,11 @@ def matmul(x: Float[Array, "*rows I"], kernel: Float[Array, "I O"]) -> Float[Arr
     return x @ kernel
 
 
-def _matmul_forward(x, kernel):
+def _matmul_forward(x: Array, kernel: Array) -> tuple[Array, _Residuals]:
     return x @ kernel, (x, kernel)
 
 
-def _matmul_backward(residuals, g):
+def _matmul_backward(residuals: _Residuals, g: Array) -> tuple[Array, ...]:
     x, kernel = residuals
     rows, g_rows = x.reshape(-1, x.shape[-1]), g.reshape(-1, g.shape[-1])
     # Autodiff would make the transpose of this.
@@ -32,7 +36,9 @@ def _matmul_backward(residuals, g):
 matmul.defvjp(_matmul_forward, _matmul_backward)
 
 
-def dot_general(x, kernel, dimension_numbers, **_):
+def dot_general(
+    x: Float[Array, "*rows I"], kernel: Float[Array, "I O"], dimension_numbers: Any, **_: Any
+) -> Float[Array, "*rows O"]:
     """`matmul` in the form in which `flax.nnx.Linear` takes it."""
     return matmul(x, kernel)
 
@@ -43,12 +49,12 @@ def greatest(x: Float[Array, "*batch S C"]) -> Float[Array, "*batch C"]:
     return jnp.max(x, axis=-2)
 
 
-def _greatest_forward(x):
+def _greatest_forward(x: Array) -> tuple[Array, _Residuals]:
     most = jnp.max(x, axis=-2)
     return most, (x, most)
 
 
-def _greatest_backward(residuals, g):
+def _greatest_backward(residuals: _Residuals, g: Array) -> tuple[Array, ...]:
     x, most = residuals
     attained = x == most[..., None, :]
     each = g / jnp.sum(attained, axis=-2).astype(g.dtype)
@@ -66,11 +72,11 @@ def attention(
     return _attention_forward(q, k, v)[0]
 
 
-def _transposed(x):
+def _transposed(x: Array) -> Array:
     return jnp.swapaxes(x, -1, -2)
 
 
-def _attention_forward(q, k, v):
+def _attention_forward(q: Array, k: Array, v: Array) -> tuple[Array, _Residuals]:
     q = q * q.shape[-1] ** -0.5
     logits = (q @ _transposed(k)).astype(jnp.float32)
     share = jnp.exp(logits - jnp.max(logits, axis=-1, keepdims=True))
@@ -81,7 +87,7 @@ def _attention_forward(q, k, v):
     return y, (q, k, v, share, scale, y)
 
 
-def _attention_backward(residuals, g):
+def _attention_backward(residuals: _Residuals, g: Array) -> tuple[Array, ...]:
     # With S = softmax(L): dL = S * (dS - rowsum(S * dS)), and rowsum(S * dS) = rowsum(g * y).
     q, k, v, share, scale, y = residuals
     g_scaled = g * scale

@@ -32,7 +32,7 @@ def farthest_points(
     x, y, z = (points[..., i] for i in range(3))
     order = jnp.broadcast_to(jnp.arange(points.shape[-2], dtype=jnp.int32), mask.shape)
 
-    def pick(step, state):
+    def pick(step: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
         gap, chosen = state
         # The largest first, then the first that has it: XLA's argmax on the CPU is far slower.
         best = jnp.max(gap, axis=-1, keepdims=True)
@@ -63,7 +63,7 @@ def ball_query(
     words = -(-points.shape[-2] // _BITS)
     padding = [(0, 0)] * (mask.ndim - 1) + [(0, words * _BITS - mask.shape[-1])]
     seen = jnp.pad(mask, padding).reshape(*mask.shape[:-1], 1, words, _BITS)
-    away = 0.0
+    away: Array | float = 0.0
     for i in range(3):
         component = jnp.pad(points[..., i], padding).reshape(seen.shape)
         away = away + jnp.square(component - centers[..., i, None, None])
@@ -167,7 +167,9 @@ def check_neighbourhoods() -> str | None:
         gap = np.where(mask, np.minimum(gap, away), -1.0)
 
     centers = points[chosen]
-    compiled = jax.jit(lambda *cloud: ball_query(*cloud, radius, samples))
+    compiled = jax.jit(
+        lambda points, mask, centers: ball_query(points, mask, centers, radius, samples)
+    )
     found = np.asarray(compiled(points, mask, centers))
     for center, row in zip(centers, found, strict=True):
         away = np.square(points.astype(float) - center).sum(axis=1)

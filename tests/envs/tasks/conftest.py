@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.contract import CONTROL_STEPS
-from drpbench.envs import TASKS
+from drpbench.contract import EPISODE
+from drpbench.envs import TASKS, Arm
 from drpbench.envs.movers import clearance_of_box
-from drpbench.envs.tasks.task import Arm
 from drpbench.robot import PANDA
 
 from ...scenes import batch, bodies, postures, problem
@@ -27,20 +26,20 @@ def arms_at(q):
 
 
 @cache
-def _alive(name):
+def _alive(name, episode):
     """`reset`, and the boxes of every control step while each arm stays where it is."""
     task = TASKS[name]
 
-    def episode(problem, arm, key):
+    def live(problem, arm, key):
         def step(carry, clock):
-            movers, memory = task.advance(*carry, problem, arm, clock)
+            movers, memory = task.advance(*carry, problem, arm, clock, episode)
             return (movers, memory), (movers.position, movers.velocity, movers.active)
 
-        born, memory = task.reset(problem, arm, key)
-        (last, memory), steps = jax.lax.scan(step, (born, memory), jnp.arange(CONTROL_STEPS))
+        born, memory = task.reset(problem, arm, key, episode)
+        (last, memory), steps = jax.lax.scan(step, (born, memory), jnp.arange(episode.steps))
         return born, last, steps, task.valid(memory)
 
-    return jit(jax.vmap(episode))
+    return jit(jax.vmap(live))
 
 
 @pytest.fixture(scope="session")
@@ -58,10 +57,10 @@ def lives(crowd):
     """A task's boxes over whole episodes among the 200 arms: born, last, (positions, velocities,
     active) each (200, 1000, M, ...), valid."""
 
-    def run(name, seed=0):
+    def run(name, seed=0, episode=EPISODE):
         problems, arms = crowd
         keys = jax.random.split(jax.random.key(seed), COUNT)
-        return _alive(name)(problems, arms, keys)
+        return _alive(name, episode)(problems, arms, keys)
 
     return run
 

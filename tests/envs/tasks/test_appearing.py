@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.contract import CONTROL_STEPS
+from drpbench.contract import EPISODE
 from drpbench.envs import TASKS
 from drpbench.envs.movers import clearance_of_box
 
@@ -23,14 +23,14 @@ def second():
     task = TASKS["SAO"]
 
     def run(problem, arm, path, key):
-        movers, memory = task.reset(problem, arm, key)
+        movers, memory = task.reset(problem, arm, key, EPISODE)
         carry = movers, task.second_pass(memory, path)
 
         def step(carry, clock):
-            carry = task.advance(*carry, problem, arm, clock)
+            carry = task.advance(*carry, problem, arm, clock, EPISODE)
             return carry, carry[0]
 
-        return jax.lax.scan(step, carry, jnp.arange(CONTROL_STEPS))[1]
+        return jax.lax.scan(step, carry, jnp.arange(EPISODE.steps))[1]
 
     return jit(jax.vmap(run))
 
@@ -42,7 +42,7 @@ def paths(crowd):
     direction = rng.normal(size=(COUNT, 1, 3))
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
     direction[-20:] = 0.0
-    along = np.linspace(0.0, 0.9, CONTROL_STEPS)[:, None]
+    along = np.linspace(0.0, 0.9, EPISODE.steps)[:, None]
     return (np.asarray(crowd[1].grip_position)[:, None] + along * direction).astype(np.float32)
 
 

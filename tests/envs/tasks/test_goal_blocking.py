@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.contract import CONTROL_STEPS
+from drpbench.contract import EPISODE
 from drpbench.envs import TASKS
 
 from .conftest import COUNT, arms_at
@@ -24,11 +24,11 @@ def episode():
     def run(problem, far, near, arrives, key):
         def step(carry, clock):
             arm = jax.tree.map(lambda a, b: jnp.where(clock < arrives, a, b), far, near)
-            movers, memory = task.advance(*carry, problem, arm, clock)
+            movers, memory = task.advance(*carry, problem, arm, clock, EPISODE)
             return (movers, memory), (movers, memory.tries)
 
         (_, memory), (steps, tries) = jax.lax.scan(
-            step, task.reset(problem, far, key), jnp.arange(CONTROL_STEPS)
+            step, task.reset(problem, far, key, EPISODE), jnp.arange(EPISODE.steps)
         )
         return steps, tries, task.valid(memory)
 

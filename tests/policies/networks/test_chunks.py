@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -9,12 +10,12 @@ from hypothesis.extra.numpy import arrays
 from drpbench.policies.networks.chunks import (
     CHUNK,
     FLOOR,
-    LOOKAHEAD,
     RAMP,
     SPEED,
     commanded,
     decode,
     encode,
+    lookahead,
     scale,
 )
 from drpbench.robot import PANDA
@@ -65,7 +66,7 @@ def test_the_farthest_joint_sets_the_scale():
 
 
 def test_the_waypoint_commanded_is_as_far_ahead_as_the_servos_lag():
-    assert PANDA.servo_lag == LOOKAHEAD / 60
+    assert PANDA.servo_lag == pytest.approx(lookahead() / 60)
     rng = np.random.default_rng(0)
     chunk = jnp.asarray(rng.normal(size=(5, CHUNK, 7)), jnp.float32)
     q, goal = jnp.asarray(rng.uniform(-1, 1, (2, 5, 7)), jnp.float32)

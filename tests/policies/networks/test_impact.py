@@ -13,14 +13,13 @@ import pytest
 from drpbench.policies.networks.chunks import CHUNK
 from drpbench.policies.networks.feelers import feeler_points
 from drpbench.policies.networks.impact import (
-    FULL,
-    SMALL,
-    ImpactSize,
     apply,
     initial,
     normalised,
     positional_encoding,
+    shapes,
 )
+from drpbench.policies.networks.impact_size import FULL, SMALL, ImpactSize
 from drpbench.robot import PANDA
 
 pytestmark = pytest.mark.slow
@@ -269,4 +268,4 @@ def test_feelers_are_spread_from_the_forearm_to_the_fingers():
 
 def test_more_feelers_than_places_are_refused():
     with pytest.raises(ValueError, match="feelers must be 0 to"):
-        replace(TINY, feelers=1000)
+        shapes(replace(TINY, feelers=1000))
