@@ -159,17 +159,15 @@ class Robot:
 
         def joint(frame, fixed):
             origin, x, y, z = frame
-            offset, (twist_cos, twist_sin), cos, sin = fixed
+            offset, twist, cos, sin = fixed
             origin = origin + offset[0] * x + offset[1] * y + offset[2] * z
-            y, z = twist_cos * y + twist_sin * z, twist_cos * z - twist_sin * y
+            y, z = _twisted(y, z, twist)
             x, y = cos * x + sin * y, cos * y - sin * x
             frame = (origin, x, y, z)
             return frame, frame
 
         base = (jnp.zeros(3, q.dtype), *jnp.eye(3, dtype=q.dtype))  # origin, and the axes x, y, z
-        # Rounded, so that quarter turns are exact.
-        twist = np.stack([np.cos(self.joint_twist), np.sin(self.joint_twist)], axis=1).round(12)
-        fixed = (jnp.asarray(self.joint_offset, q.dtype), jnp.asarray(twist, q.dtype))
+        fixed = (jnp.asarray(self.joint_offset, q.dtype), _twists(self.joint_twist, q.dtype))
         chain = (*fixed, jnp.cos(q), jnp.sin(q))
         (origin, x, y, z), moving = jax.lax.scan(joint, base, chain, unroll=short_loops_unrolled())
         hand = (
@@ -215,6 +213,23 @@ class Robot:
             nearest, _ = jax.lax.scan(visit, jnp.full(len(r), 1.0e6), rows, unroll=True)
             clearance = jnp.minimum(clearance, jnp.min(stored(nearest)))
         return clearance
+
+
+def _twists(angles: np.ndarray, dtype) -> tuple[Array, ...]:
+    """What `_twisted` needs of each joint: quarter turns as -1, 0 or 1; other angles as cosine and sine."""
+    quarters = np.round(angles / (0.5 * np.pi))
+    if np.allclose(angles, quarters * 0.5 * np.pi, atol=1e-9) and np.abs(quarters).max() <= 1:
+        return (jnp.asarray(quarters, dtype),)
+    return (jnp.asarray(np.cos(angles), dtype), jnp.asarray(np.sin(angles), dtype))
+
+
+def _twisted(y, z, twist: tuple[Array, ...]):
+    """The axes y and z turned about x. Quarter turns take no sum, so nothing of them can be rounded."""
+    if len(twist) == 1:
+        (turn,) = twist
+        return jnp.where(turn == 0, y, turn * z), jnp.where(turn == 0, z, -turn * y)
+    cos, sin = twist
+    return cos * y + sin * z, cos * z - sin * y
 
 
 def _combined(origin, coefficients: np.ndarray, axes):
