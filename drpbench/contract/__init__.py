@@ -2,6 +2,8 @@
 
 from .episode import CONTROL_PERIOD as CONTROL_PERIOD
 from .episode import CONTROL_STEPS as CONTROL_STEPS
+from .episode import EPISODE as EPISODE
+from .episode import Episode as Episode
 from .movers import Movers as Movers
 from .movers import no_movers as no_movers
 from .observation import ROBOT_POINTS as ROBOT_POINTS
@@ -13,3 +15,6 @@ from .problem import Problem as Problem
 from .verdict import REACH_ORIENTATION as REACH_ORIENTATION
 from .verdict import REACH_POSITION as REACH_POSITION
 from .verdict import REACH_POSITION_LOOSE as REACH_POSITION_LOOSE
+from .verdict import Measured as Measured
+from .verdict import Verdict as Verdict
+from .verdict import reached as reached

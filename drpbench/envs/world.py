@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from drpbench.contract import CONTROL_PERIOD, Movers, Observation, Problem
+from drpbench.contract import CONTROL_PERIOD, EPISODE, Episode, Movers, Observation, Problem
 from drpbench.geometry import FAR, Primitives, concatenate
 from drpbench.perception.surface_cloud import (
     Cloud,
@@ -16,7 +16,7 @@ from drpbench.perception.surface_cloud import (
     scene_cloud,
     shares,
 )
-from drpbench.robot import PANDA
+from drpbench.robot import PANDA, Robot
 
 from .contact import contact
 from .dynamics import SUBSTEPS, substep
@@ -68,6 +68,8 @@ class World:
     """The dynamics and the observation of one task. docs/protocol.md has the whole of it in words."""
 
     task: Task
+    robot: Robot = PANDA
+    episode: Episode = EPISODE
 
     def reset(self, problem: Problem, key: PRNGKeyArray) -> State:
         """The state before the first control step. All of the episode's randomness is `key`'s."""

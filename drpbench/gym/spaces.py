@@ -6,7 +6,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Space
 
 from drpbench.contract import ROBOT_POINTS, SCENE_POINTS, Observation
-from drpbench.robot import PANDA
+from drpbench.robot import Robot
 
 # Wide enough to hold all that happens; they are no scales to normalise by.
 _JOINTS = 5.0  # [rad] contact pushes a joint past its limit, against stiff stops
@@ -15,22 +15,22 @@ _ROOM = 5.0  # [m]
 _SHOWN = tuple(field.name for field in fields(Observation) if field.name != "obstacles")
 
 
-def action_space() -> Box:
+def action_space(robot: Robot) -> Box:
     """Absolute joint position targets [rad], within the joint limits."""
-    return Box(PANDA.joint_lower.astype(np.float32), PANDA.joint_upper.astype(np.float32))
+    return Box(robot.joint_lower.astype(np.float32), robot.joint_upper.astype(np.float32))
 
 
-def observation_space() -> Space:
-    """The fields of `drpbench.envs.Observation`: world frame, metres, radians, quaternions wxyz."""
+def observation_space(robot: Robot) -> Space:
+    """The fields of `drpbench.contract.Observation`: world frame, metres, radians, quaternions wxyz."""
 
     def within(bound: float, *shape: int) -> Box:
         return Box(-bound, bound, shape, np.float32)
 
     return Dict(
         {
-            "joint_position": within(_JOINTS, 7),
-            "joint_velocity": within(_SPEED, 7),
-            "goal_joints": within(_JOINTS, 7),
+            "joint_position": within(_JOINTS, robot.joints),
+            "joint_velocity": within(_SPEED, robot.joints),
+            "goal_joints": within(_JOINTS, robot.joints),
             "goal_position": within(_ROOM, 3),
             "goal_quaternion": within(1.001, 4),  # a unit quaternion, rounded
             "scene_points": within(_ROOM, SCENE_POINTS, 3),

@@ -16,6 +16,7 @@ from drpbench.recording.offscreen import choose_platform
 from drpbench.recording.stage import Stage
 from drpbench.results import Result, ResultsError, Row
 from drpbench.results.trajectories import load_trajectories
+from drpbench.robot import Robot
 
 from .figures import reason
 from .recordings import Instance
@@ -63,7 +64,8 @@ def pictures(
     if not wanted:
         return {}
     choose_platform()  # before anything takes long
-    drawn, stage = {}, Stage(*DRAWN)
+    drawn: dict[Instance, str] = {}
+    stages: dict[Robot, Stage] = {}
     try:
         for (name, task), rows in wanted.items():
             advanced(f"drawing {name}, {task}")
@@ -79,10 +81,13 @@ def pictures(
                 moved = motion(replay.episode)
                 touching = np.flatnonzero(moved.touching)
                 instant = int(touching[0]) if touching.size else replay.episode.instants - 1
-                picture = stage.draw(replay.episode, moved, instant)
+                if (robot := replay.episode.world.robot) not in stages:
+                    stages[robot] = Stage(*DRAWN, robot)
+                picture = stages[robot].draw(replay.episode, moved, instant)
                 drawn[name, task, replay.row.id] = _address(picture)
     finally:
-        stage.close()
+        for stage in stages.values():
+            stage.close()
     return drawn
 
 

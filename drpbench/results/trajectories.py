@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drpbench.rollout.batch import Trace
+from drpbench.rollout import Trace
 
 from .schema import ResultsError
 

@@ -6,6 +6,7 @@ from .floating import Floating
 from .goal_blocking import GoalBlocking
 from .static import Static
 from .task import Arm as Arm
+from .task import RehearsedTask as RehearsedTask
 from .task import Task as Task
 
 TASKS: dict[str, Task] = {

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Key
 
 from drpbench.contract import CONTROL_STEPS, no_movers
@@ -36,6 +37,7 @@ class Appearing:
     title: str = "suddenly appearing obstacle"
     movers: int = 1
     rehearsed: bool = True
+    starts_at_goal: bool = False
 
     def reset(self, problem, arm, key):
         path = jnp.zeros((CONTROL_STEPS // _STRIDE, 3))
@@ -75,3 +77,6 @@ class Appearing:
 
     def valid(self, memory):
         return jnp.bool_(True)
+
+    def training_level(self, number, furnished):
+        return np.where(furnished, 2, 1)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from drpbench.contract import CONTROL_STEPS
 
@@ -32,6 +33,7 @@ class DynamicGoalBlocking:
     title: str = "dynamic goal blocking"
     movers: int = 3
     rehearsed: bool = False
+    starts_at_goal: bool = True
 
     def reset(self, problem, arm, key):
         goal = problem.goal_position
@@ -56,3 +58,6 @@ class DynamicGoalBlocking:
 
     def valid(self, memory):
         return jnp.bool_(True)
+
+    def training_level(self, number, furnished):
+        return np.where(number % 4 == 3, 2, 1)

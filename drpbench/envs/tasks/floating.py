@@ -33,6 +33,7 @@ class Floating:
     title: str = "floating dynamic obstacles"
     movers: int = 3
     rehearsed: bool = False
+    starts_at_goal: bool = False
 
     def reset(self, problem, arm, key):
         # Edges of 0.1 to 0.2 m on level 1 (the bare table), up to 0.3 m on level 2.
@@ -55,3 +56,6 @@ class Floating:
 
     def valid(self, memory):
         return jnp.bool_(True)
+
+    def training_level(self, number, furnished):
+        return np.where(furnished, 2, 1)

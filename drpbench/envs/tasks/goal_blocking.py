@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Int, Key
 
 from drpbench.contract import CONTROL_STEPS, no_movers
@@ -35,6 +36,7 @@ class GoalBlocking:
     title: str = "goal blocking"
     movers: int = 1
     rehearsed: bool = False
+    starts_at_goal: bool = False
 
     def reset(self, problem, arm, key):
         return no_movers(1), _Memory(key, jnp.int32(0), jnp.bool_(False))
@@ -59,3 +61,6 @@ class GoalBlocking:
 
     def valid(self, memory):
         return memory.placed
+
+    def training_level(self, number, furnished):
+        return np.where(furnished, 2, 1)

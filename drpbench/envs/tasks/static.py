@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import jax.numpy as jnp
+import numpy as np
 
 from drpbench.contract import no_movers
 
@@ -13,6 +14,7 @@ class Static:
     title: str = "static environment"
     movers: int = 0
     rehearsed: bool = False
+    starts_at_goal: bool = False
 
     def reset(self, problem, arm, key):
         return no_movers(0), ()
@@ -22,3 +24,6 @@ class Static:
 
     def valid(self, memory):
         return jnp.bool_(True)
+
+    def training_level(self, number, furnished):
+        return np.where(furnished, 2, 1)

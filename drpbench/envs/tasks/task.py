@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import jax
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from drpbench.contract import Movers, Problem
@@ -33,6 +34,8 @@ class Task(Protocol):
     """How many moving boxes there can be."""
     rehearsed: bool
     """Whether a first pass records the policy's path, and `second_pass` starts the one that counts."""
+    starts_at_goal: bool
+    """Whether the arm begins at its goal."""
 
     def reset(self, problem: Problem, arm: Arm, key: PRNGKeyArray) -> tuple[Movers, Any]:
         """The boxes before the first control step."""
@@ -46,4 +49,19 @@ class Task(Protocol):
 
     def valid(self, memory: Any) -> Bool[Array, ""]:
         """Whether the episode was an instance of the task at all (see GB)."""
+        ...
+
+    def training_level(
+        self, number: Int[np.ndarray, " n"], furnished: Bool[np.ndarray, " n"]
+    ) -> Int[np.ndarray, " n"]:
+        """The levels of problems to learn from, by their numbers and by whether more than the bare table
+        stands in their scenes. A level sets how many boxes move and how large they are."""
+        ...
+
+
+class RehearsedTask(Task, Protocol):
+    """A task that is `rehearsed`."""
+
+    def second_pass(self, memory: Any, path: Float[Array, "steps 3"]) -> Any:
+        """The memory to start the second pass with: `path` is grip's [m] after each step of the first."""
         ...
