@@ -23,14 +23,11 @@ from pathlib import Path
 import jax
 
 from drpbench.compile import use_cache
-from drpbench.contract import CONTROL_STEPS
-from drpbench.envs import TASKS
+from drpbench.envs import TASKS, World
 from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.registry import choose
 from drpbench.problems import load
-from drpbench.rollout import LANES
-from drpbench.rollout.batch import take
-from drpbench.rollout.host import rollout_of
+from drpbench.rollout import LANES, Rollout, take
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -60,10 +57,11 @@ def main() -> None:
         names["torch"] = "torch_policy:Approach"
     names["remote"] = address
     problems = load(options.task)
+    world = World(TASKS[options.task])
     batch = take(problems, [i % len(problems.level) for i in range(options.batch)])
     try:
         rollouts = {
-            name: rollout_of(TASKS[options.task], choose(path).policy, lanes=options.batch)
+            name: Rollout(world, choose(path).policy, lanes=options.batch)
             for name, path in names.items()
         }
         seconds: dict[str, list[float]] = {name: [] for name in names}
@@ -88,8 +86,8 @@ def main() -> None:
         ratios = [a / b for a, b in zip(taken, seconds["jax"], strict=True)]
         typical = statistics.median(taken)
         print(
-            f"{name:<9} {options.batch * CONTROL_STEPS / typical:15,.0f}"
-            f"   {1000 * typical / CONTROL_STEPS:22.2f}"
+            f"{name:<9} {options.batch * world.episode.steps / typical:15,.0f}"
+            f"   {1000 * typical / world.episode.steps:22.2f}"
             f"   {statistics.median(ratios):.2f} [{min(ratios):.2f}, {max(ratios):.2f}]"
         )
 

@@ -16,18 +16,17 @@ from pathlib import Path
 
 import numpy as np
 
-import drpbench.recording.stage as stage_module
 from drpbench.compile import use_cache
-from drpbench.envs import TASKS
+from drpbench.envs import TASKS, World
 from drpbench.evaluation.run import device_name, versions
 from drpbench.plugins.registry import choose
 from drpbench.problems import ProblemSet, load
 from drpbench.recording import Recorder, motion, traced
+from drpbench.recording.stage import Stage
 from drpbench.recording.video import GRID_SIZE, SIZE
 from drpbench.results import Header
 from drpbench.robot import PANDA
-from drpbench.rollout import LANES, Rollout
-from drpbench.rollout.batch import Trace, take
+from drpbench.rollout import LANES, Rollout, Trace, take
 
 RUNS = [("SE", "rmp"), ("FDO", "rmp"), ("FDO", "straight+dcp-rmp"), ("FDO", "drp")]
 
@@ -81,7 +80,7 @@ def cost(task: str, policy: str, batches: int, repetitions: int) -> tuple[Cost, 
     """Of batches of episodes spread over the task."""
     problems = load(task)
     ids = [i * problems.count // LANES for i in range(LANES)]
-    rollout, batch = Rollout(TASKS[task], choose(policy).policy), take(problems, ids)
+    rollout, batch = Rollout(World(TASKS[task]), choose(policy).policy), take(problems, ids)
     header = header_of(policy, task, problems)
     with tempfile.TemporaryDirectory() as folder:
         trace = rollout.run(batch)
@@ -104,10 +103,12 @@ def cost(task: str, policy: str, batches: int, repetitions: int) -> tuple[Cost, 
     return Cost(np.array(plain), np.array(recorded), float(size)), trace, ids
 
 
-def frame_times(trace: Trace, ids: list[int], size: tuple[int, int], frames: int) -> np.ndarray:
-    """Median time [s] of a frame, of the clock and of the processor."""
-    episode = traced("FDO", ids[0], load("FDO"), 0, trace, 0)
-    moved, stage = motion(episode), stage_module.Stage(*size)
+def frame_times(
+    trace: Trace, ids: list[int], size: tuple[int, int], frames: int, real: bool
+) -> np.ndarray:
+    """Median time [s] of a frame, of the clock and of the processor; `real`: with the arm's meshes."""
+    episode = traced(ids[0], load("FDO"), 0, trace, 0)
+    moved, stage = motion(episode), Stage(*size, PANDA, real)
     times = [now()]
     for instant in np.linspace(0, episode.instants - 1, frames + 1).astype(int):
         stage.draw(episode, moved, int(instant))
@@ -122,14 +123,10 @@ def report_frames(trace: Trace, ids: list[int]) -> None:
     for arm in ("solids", "meshes"):
         if arm == "meshes" and PANDA.meshes.find() is None:
             continue
-        found = stage_module.find_mesh_model
-        if arm == "solids":
-            stage_module.find_mesh_model = lambda: None
         for size in (SIZE, tile):
-            clock, processor = frame_times(trace, ids, size, 40)
+            clock, processor = frame_times(trace, ids, size, 40, arm == "meshes")
             pixels = f"{size[0]} x {size[1]}"
             print(f"| {arm} | {pixels} | {1 / clock:.0f} | {1e3 * processor:.0f} ms |")
-        stage_module.find_mesh_model = found
 
 
 def main() -> None:

@@ -11,7 +11,7 @@ from drpbench.compile import jit
 from drpbench.contract import Observation, Problem
 from drpbench.envs import TASKS, State, World
 from drpbench.problems import ProblemSet
-from drpbench.rollout.batch import instance_key, take
+from drpbench.rollout import instance_key, take
 
 
 def most_obstacles(problems: ProblemSet, scenes: int) -> list[int]:

@@ -10,13 +10,12 @@ import numpy as np
 from PIL import Image
 
 from drpbench.compile import use_cache
-from drpbench.envs import TASKS
+from drpbench.envs import TASKS, World
 from drpbench.plugins.registry import choose
 from drpbench.problems import load
 from drpbench.recording import motion, traced
 from drpbench.recording.stage import Stage
-from drpbench.rollout import Rollout
-from drpbench.rollout.batch import take
+from drpbench.rollout import Rollout, take
 
 SIZE = (480, 400)  # [pixels] of one instant
 
@@ -31,10 +30,10 @@ def main() -> None:
     arguments = parser.parse_args()
     use_cache()
     problems = load(arguments.task)
-    rollout = Rollout(TASKS[arguments.task], choose(arguments.policy).policy)
+    rollout = Rollout(World(TASKS[arguments.task]), choose(arguments.policy).policy)
     trace = rollout.run(take(problems, [arguments.id]))
-    episode = traced(arguments.task, arguments.id, problems, 0, trace, 0)
-    moved, stage = motion(episode), Stage(*SIZE)
+    episode = traced(arguments.id, problems, 0, trace, 0)
+    moved, stage = motion(episode), Stage(*SIZE, episode.world.robot)
     pictures = [stage.draw(episode, moved, step + 1) for step in arguments.steps]
     stage.close()
     # 128 colours are enough, and a quarter of the bytes.

@@ -46,6 +46,7 @@ def view(
     use_cache()
     from rich.console import Console
 
+    from drpbench.envs import TASKS, World
     from drpbench.plugins.registry import choose
     from drpbench.problems import load
     from drpbench.viewer import Simulation
@@ -53,7 +54,7 @@ def view(
 
     console = Console()
     choice = choose(policy, policy_arg or (), time_limit)
-    simulation = Simulation(name, choice.policy, load(name), seed)
+    simulation = Simulation(World(TASKS[name]), choice.policy, load(name), seed)
     page = None
     try:
         with console.status(

@@ -23,3 +23,6 @@ from .sensor import Sensor as Sensor
 from .verdict import REACH_ORIENTATION as REACH_ORIENTATION
 from .verdict import REACH_POSITION as REACH_POSITION
 from .verdict import REACH_POSITION_LOOSE as REACH_POSITION_LOOSE
+from .verdict import Measured as Measured
+from .verdict import Verdict as Verdict
+from .verdict import reached as reached

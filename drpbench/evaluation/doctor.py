@@ -19,11 +19,12 @@ from drpbench.envs import contact
 from drpbench.geometry import SHAPES, Primitives
 from drpbench.policies.networks.set_abstraction import check_neighbourhoods
 from drpbench.problems import ProblemSetError, counts, load
-from drpbench.robot import PANDA
+from drpbench.robot import PANDA, Robot
 
 from .run import device_name, versions
 
 _SIZE = 0.03  # [m] half size of the probes
+_DRAWN = 7  # configurations, beside the home posture
 _FAR = np.array([5.0, 5.0, 5.0])  # [m] where a probe touches nothing
 
 
@@ -39,7 +40,7 @@ class Report:
         return all(passed for _, passed, _ in self.checks)
 
 
-def examine() -> Report:
+def examine(robot: Robot = PANDA) -> Report:
     """Everything `drpbench doctor` prints."""
     report = Report(facts={**versions(), "device": f"{device_name()} ({jax.default_backend()})"})
     try:
@@ -50,14 +51,14 @@ def examine() -> Report:
         report.checks.append(("problems", True, f"checksum right; {detail}"))
     except ProblemSetError as error:
         report.checks.append(("problems", False, str(error)))
-    report.checks += _see_every_link()
+    report.checks += _see_every_link(robot)
     fault = check_neighbourhoods()
     detail = "as counted by hand" if fault is None else fault
     report.checks.append(("point neighbourhoods", fault is None, detail))
     return report
 
 
-def _probe(kind: int, position) -> Primitives:
+def _probe(kind: jax.Array, position: jax.Array) -> Primitives:
     return Primitives(
         kind=jnp.full(1, kind, jnp.int32),
         half_size=jnp.full((1, 3), _SIZE),
@@ -67,27 +68,30 @@ def _probe(kind: int, position) -> Primitives:
     )
 
 
-def _see_every_link() -> list[tuple[str, bool, str]]:
-    model = PANDA.moving_spheres
+def _see_every_link(robot: Robot) -> list[tuple[str, bool, str]]:
+    model = robot.moving_spheres
     rng = np.random.default_rng(0)
     configurations = np.concatenate(
-        [PANDA.home[None], rng.uniform(PANDA.joint_lower, PANDA.joint_upper, (7, 7))]
+        [
+            robot.home[None],
+            rng.uniform(robot.joint_lower, robot.joint_upper, (_DRAWN, robot.joints)),
+        ]
     )
 
     def meet(q, kind, position):
-        poses = PANDA.link_poses(q)
-        touch = contact(poses, jnp.zeros(7), model.world(poses), _probe(kind, position))
+        poses = robot.link_poses(q)
+        touch = contact(poses, jnp.zeros(robot.joints), model.world(poses), _probe(kind, position))
         return touch.clearance, touch.sphere
 
     compiled = jit(jax.vmap(meet))
     centers = np.asarray(
-        jax.vmap(lambda q: model.world(PANDA.link_poses(q)))(jnp.asarray(configurations))
+        jax.vmap(lambda q: model.world(robot.link_poses(q)))(jnp.asarray(configurations))
     )
     cases = [
         (c, kind, link, centers[c, model.link == link].mean(axis=0))
         for c in range(len(configurations))
         for kind in range(len(SHAPES))
-        for link in range(1, len(PANDA.link_names))
+        for link in range(1, len(robot.link_names))
     ]
     q = jnp.asarray(np.stack([configurations[c] for c, *_ in cases]), jnp.float32)
     kinds = jnp.asarray([kind for _, kind, *_ in cases], jnp.int32)
@@ -99,7 +103,7 @@ def _see_every_link() -> list[tuple[str, bool, str]]:
         [_by_hand(kind, centers[c] - place, model.radius) for c, kind, _, place in cases]
     )
     checks = []
-    for link in range(1, len(PANDA.link_names)):
+    for link in range(1, len(robot.link_names)):
         mine = [i for i, (_, _, of, _) in enumerate(cases) if of == link]
         unseen = [SHAPES[cases[i][1]] for i in mine if clearance[i] >= 0.0]
         off = float(np.abs(clearance[mine] - expected[mine]).max())
@@ -109,7 +113,7 @@ def _see_every_link() -> list[tuple[str, bool, str]]:
             detail = (
                 f"unseen in {len(unseen)} of {len(mine)} cases: {', '.join(sorted(set(unseen)))}"
             )
-        checks.append((PANDA.link_names[link], passed, detail))
+        checks.append((robot.link_names[link], passed, detail))
     return checks
 
 

@@ -1,19 +1,14 @@
 """From what happened to one row: reach, collision, clearance, path length, smoothness."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from drpbench.contract import (
-    CONTROL_PERIOD,
-    REACH_ORIENTATION,
-    REACH_POSITION,
-    REACH_POSITION_LOOSE,
-)
+from drpbench.contract import REACH_POSITION_LOOSE, Verdict, reached
 from drpbench.geometry import FAR
 from drpbench.results import Row
-from drpbench.robot import PANDA
-from drpbench.rollout.batch import Trace
+from drpbench.rollout import Trace
 
 LIMIT_TOLERANCE = 1e-3  # [rad]
 
@@ -41,55 +36,54 @@ def sparc(speed: np.ndarray, rate: float) -> float | None:
     return -float(np.sum(np.hypot(across, np.diff(amplitude))))
 
 
-def rows(task: str, ids: list[int], families: list[str], trace: Trace) -> list[Row]:
+def rows(ids: Sequence[int], families: Sequence[str], trace: Trace) -> list[Row]:
     """One row per problem, in the order of the trace."""
-    return [_row(task, id, families[b], trace, b) for b, id in enumerate(ids)]
+    verdict = trace.verdict
+    return [_row(id, families[b], trace, verdict, b) for b, id in enumerate(ids)]
 
 
-def _number(value) -> float | None:
+def _number(value: float | np.floating) -> float | None:
     """Six significant digits are more than float32 has; result files stay small."""
     return float(f"{value:.6g}") if np.isfinite(value) else None
 
 
-def _smoothness(speed: np.ndarray, finite: bool) -> float | None:
-    value = sparc(speed, 1.0 / CONTROL_PERIOD) if finite else None
+def _smoothness(speed: np.ndarray, period: float, finite: bool) -> float | None:
+    value = sparc(speed, 1.0 / period) if finite else None
     return None if value is None else _number(value)
 
 
-def _row(task: str, id: int, family: str, trace: Trace, b: int) -> Row:
-    finite = bool(trace.finite[:, b].all()) and not trace.failure
-    turned = trace.orientation_error[:, b] < REACH_ORIENTATION
-    at_goal = (trace.position_error[:, b] < REACH_POSITION) & turned
-    near_goal = (trace.position_error[:, b] < REACH_POSITION_LOOSE) & turned
-    reached = finite and bool(at_goal[-1])
-    touching = trace.clearance[:, b] < 0.0
-    collided = bool(touching.any())
-    first = int(np.argmax(touching)) if collided else None
+def _row(id: int, family: str, trace: Trace, verdict: Verdict, b: int) -> Row:
+    robot, period = trace.world.robot, trace.world.episode.period
+    finite, collided = bool(verdict.finite[b]), bool(verdict.collided[b])
+    errors = trace.position_error[:, b], trace.orientation_error[:, b]
+    at_goal, near_goal = reached(*errors), reached(*errors, REACH_POSITION_LOOSE)
+    reached_at_end = bool(verdict.reached[b])
+    first = int(verdict.first_collision_step[b]) if collided else None
     nearest = np.min(trace.clearance[:, b], initial=FAR, where=np.isfinite(trace.clearance[:, b]))
 
     joints = np.concatenate([trace.start[None, b], trace.joint_position[:, b]]).astype(float)
     grip = np.concatenate([trace.start_grip[None, b], trace.grip_position[:, b]]).astype(float)
     joint_steps = np.linalg.norm(np.diff(joints, axis=0), axis=1)
     grip_steps = np.linalg.norm(np.diff(grip, axis=0), axis=1)
-    beyond = np.maximum(PANDA.joint_lower - joints, joints - PANDA.joint_upper)
+    beyond = np.maximum(robot.joint_lower - joints, joints - robot.joint_upper)
     time_to_goal = None
-    if reached:
+    if reached_at_end:
         away = np.nonzero(~at_goal)[0]
-        time_to_goal = _number(((away[-1] + 1 if away.size else 0) + 1) * CONTROL_PERIOD)
-    link = PANDA.moving_spheres.link
+        time_to_goal = _number(((away[-1] + 1 if away.size else 0) + 1) * period)
+    link = robot.moving_spheres.link
     return Row(
         id=int(id),
-        task=task,
+        task=trace.world.task.name,
         family=family,
-        success=reached and not collided,
-        reached=reached,
+        success=bool(verdict.success[b]),
+        reached=reached_at_end,
         reached_5cm=finite and bool(near_goal[-1]),
-        reached_once=reached or bool(at_goal.any()),
+        reached_once=reached_at_end or bool(at_goal.any()),
         collided=collided,
         first_collision_step=first,
         first_collision_link=None
         if first is None
-        else PANDA.link_names[link[trace.sphere[first, b]]],
+        else robot.link_names[link[trace.sphere[first, b]]],
         self_collided=bool((trace.self_clearance[:, b] < 0.0).any()),
         min_clearance=_number(nearest) if nearest < 0.5 * FAR else None,
         position_error=_number(trace.position_error[-1, b]),
@@ -97,9 +91,9 @@ def _row(task: str, id: int, family: str, trace: Trace, b: int) -> Row:
         time_to_goal=time_to_goal,
         joint_path_length=_number(joint_steps.sum()),
         ee_path_length=_number(grip_steps.sum()),
-        sparc_joint=_smoothness(joint_steps / CONTROL_PERIOD, finite),
-        sparc_ee=_smoothness(grip_steps / CONTROL_PERIOD, finite),
+        sparc_joint=_smoothness(joint_steps / period, period, finite),
+        sparc_ee=_smoothness(grip_steps / period, period, finite),
         joint_limit_violation=bool((beyond > LIMIT_TOLERANCE).any()),
         status=trace.failure or ("ok" if finite else "nan"),
-        valid=bool(trace.valid[b]),
+        valid=bool(verdict.valid[b]),
     )

@@ -12,17 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drpbench.contract import CONTROL_PERIOD
+from drpbench.contract import EPISODE
 from drpbench.errors import DrpbenchError
 from drpbench.leaderboard import wilson
 from drpbench.problems import ProblemSet
 from drpbench.results import Result, Row
-from drpbench.robot import PANDA
+from drpbench.robot import PANDA, Robot
 
 if TYPE_CHECKING:
     from drpbench.planning.checker import Checker
@@ -187,27 +186,33 @@ def judgements(
         yield judge_episode(row, trajectories[_name(row)], problems[row.task], checker)
 
 
-def mesh_referee() -> Checker:
-    """MuJoCo with the real meshes. RefereeError where they are not found."""
+def mesh_referee(robot: Robot = PANDA) -> Checker:
+    """MuJoCo with the arm's real meshes. RefereeError where they are not found."""
     from drpbench.planning.checker import Checker
 
-    model: Path | None = PANDA.meshes.find()
+    if robot.meshes is None:
+        raise RefereeError(f"no real meshes of {robot.name} are known; the Panda has some")
+    model = robot.meshes.find()
     if model is None:
-        raise RefereeError(PANDA.meshes.absent)
-    return Checker(PANDA.meshes.spec(model), MARGIN)
+        raise RefereeError(robot.meshes.absent)
+    return Checker(robot.meshes.spec(model), MARGIN)
 
 
 def judge_episode(
-    row: Row, trajectory: Mapping[str, np.ndarray], problems: ProblemSet, checker: Checker
+    row: Row,
+    trajectory: Mapping[str, np.ndarray],
+    problems: ProblemSet,
+    checker: Checker,
+    period: float = EPISODE.period,
 ) -> Judgement:
-    """Judges one recorded episode, up to its first instant that is not finite.
+    """Judges one recorded episode, up to its first instant that is not finite; `period` [s] of control.
 
     The deepest penetration is that of one convex piece of a link (all but link5 and the fingers are
     one piece). Raises RefereeError for a recording that is not of the form `trajectories.py` states.
     """
-    joints, velocity, movers = _read(row, trajectory)
+    joints, velocity, movers = _read(row, trajectory, problems.start.shape[1])
     # MuJoCo's integrators add the new velocity: q_end = q_middle + v_end h.
-    middle = joints - velocity * CONTROL_PERIOD / 2
+    middle = joints - velocity * period / 2
     there = problems.mask[row.id]
     scene = [
         getattr(problems, field)[row.id][there]
@@ -259,18 +264,20 @@ class _Movers:
         return [np.zeros(int(on.sum()), int), *fields]
 
 
-def _read(row: Row, trajectory: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, _Movers]:
-    """Joint positions and velocities (T, 7) at the ends of the control steps, and the moving boxes."""
+def _read(
+    row: Row, trajectory: Mapping[str, np.ndarray], count: int
+) -> tuple[np.ndarray, np.ndarray, _Movers]:
+    """Positions and velocities (T, J) of `count` joints at the ends of the control steps, and the moving boxes."""
     try:
         joints = np.asarray(trajectory["joint_position"], float)[1:]
         velocity = np.asarray(trajectory["joint_velocity"], float)
         position = np.asarray(trajectory["mover_position"], float)
         active = np.asarray(trajectory["mover_active"], bool)
-        steps, count = active.shape
-        half_size = np.asarray(trajectory["mover_half_size"], float).reshape(steps, count, 3)
-        rotation = np.asarray(trajectory["mover_rotation"], float).reshape(steps, count, 3, 3)
+        steps, boxes = active.shape
+        half_size = np.asarray(trajectory["mover_half_size"], float).reshape(steps, boxes, 3)
+        rotation = np.asarray(trajectory["mover_rotation"], float).reshape(steps, boxes, 3, 3)
         shapes = joints.shape, velocity.shape, position.shape
-        if shapes != ((steps, 7), (steps, 7), (steps, count, 3)):
+        if shapes != ((steps, count), (steps, count), (steps, boxes, 3)):
             raise ValueError
     except KeyError as error:
         raise RefereeError(f"the recording of {_name(row)} lacks {error.args[0]}") from None

@@ -11,17 +11,16 @@ from pathlib import Path
 import jax
 
 from drpbench import __version__
-from drpbench.contract import CONTROL_STEPS
-from drpbench.envs import TASKS
+from drpbench.contract import Policy
+from drpbench.envs import TASKS, World
 from drpbench.plugins.errors import PolicyError
-from drpbench.plugins.host import TIME_LIMIT
+from drpbench.plugins.host import TIME_LIMIT, Hosted
 from drpbench.plugins.registry import choose
-from drpbench.problems import load
+from drpbench.problems import ProblemSet, load
 from drpbench.results import Header, Journal, Result
 from drpbench.results.trajectories import Trajectories
-from drpbench.rollout import LANES
-from drpbench.rollout.batch import Trace, take
-from drpbench.rollout.host import rollout_of
+from drpbench.rollout import LANES, Rollout, Trace, take
+from drpbench.rollout.rehearsal import passes
 
 from .metrics import rows as rows_of
 from .progress import RunProgress
@@ -114,17 +113,27 @@ def run(request: Request, progress: RunProgress) -> Result:
         return journal.finish()
 
 
-def _run_task(request, policy, task, problems, wanted, journal, trajectories, progress) -> None:
+def _run_task(
+    request: Request,
+    policy: Policy | Hosted,
+    task: str,
+    problems: ProblemSet,
+    wanted: Sequence[int],
+    journal: Journal,
+    trajectories: Trajectories | None,
+    progress: Progress,
+) -> None:
+    world = World(TASKS[task])
     left = [id for id in wanted if (task, id) not in journal.done]
     batches = list(_batches(left, request.batch_size))
-    per_batch = CONTROL_STEPS * (2 if TASKS[task].rehearsed else 1)
+    per_batch = world.episode.steps * passes(world.task)
     progress.begin(task, len(batches) * per_batch, len(wanted) - len(left))
     lanes = max(LANES, request.batch_size)
-    rollout = rollout_of(TASKS[task], policy, request.seed, lanes)
+    rollout = Rollout(world, policy, request.seed, lanes)
     for ids in batches:
         began = time.perf_counter()
         trace = rollout.run(take(problems, ids), progress.advance)
-        finished = rows_of(task, ids, [problems.family[id] for id in ids], trace)
+        finished = rows_of(ids, [problems.family[id] for id in ids], trace)
         if trajectories:
             trajectories.add(task, ids, trace)
         seconds = time.perf_counter() - began

@@ -4,24 +4,25 @@ An event at a fixed time then costs nothing in other steps (see `drpbench.envs.T
 episode begins and ends with the others'.
 """
 
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from drpbench.compile import jit
-from drpbench.contract import CONTROL_STEPS, REACH_ORIENTATION, REACH_POSITION, Observation, Problem
-from drpbench.envs import State, Task, World
-from drpbench.rollout.batch import instance_key, record
+from drpbench.contract import Observation, Problem, Verdict
+from drpbench.envs import State, World
+from drpbench.rollout import step as one_world
+from drpbench.rollout.rehearsal import Rehearsal
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Verdict:
-    """How each lane's episode stands after a control step; after the last one, that is its outcome."""
+class Outcome:
+    """Each lane after a control step; after the last one, the outcome of its episode."""
 
     clearance: Float[Array, "*lanes"]
     """Smallest signed distance [m] between arm and obstacles during the step."""
@@ -29,121 +30,100 @@ class Verdict:
     """Distance [m] of `grip` from the goal."""
     orientation_error: Float[Array, "*lanes"]
     """Angle [rad] of `grip` from the goal."""
-    reached: Bool[Array, "*lanes"]
-    """Within 1 cm and 15 degrees now."""
-    collided: Bool[Array, "*lanes"]
-    """Touched an obstacle in this step or an earlier one."""
-    finite: Bool[Array, "*lanes"]
-    """Every target and every state so far was made of numbers; an episode that was not has failed."""
-    valid: Bool[Array, "*lanes"]
-    """Whether the episode is an instance of its task so far (GB: whether the goal was blocked)."""
-
-    @property
-    def success(self) -> Bool[Array, "*lanes"]:
-        """Reached, and never collided: the benchmark's, if this is the last step."""
-        return self.reached & ~self.collided
+    verdict: Verdict
 
 
 class Lanes:
-    """`count` episodes of one task, side by side.
+    """`count` episodes in one world, side by side.
 
     `stream` is the random stream of the worlds (see `instance_key`), another one for other problems than
     the benchmark's.
     """
 
-    def __init__(self, task: Task, count: int, seed: int, stream: int):
-        self.task, self.count = task, count
-        self.clock = CONTROL_STEPS  # as after an episode: nothing to step yet
-        self.rehearsal = False
-        self._programs = _programs(task, seed, stream)
-        self._path: list[jax.Array] = []
+    def __init__(self, world: World, count: int, seed: int, stream: int):
+        self.world, self.count, self._seed, self._stream = world, count, seed, stream
+        self.clock = world.episode.steps  # as after an episode: nothing to step yet
+        self._rehearsal: Rehearsal | None = None
 
     @property
     def over(self) -> bool:
         """Whether there is no step to take: no episode was begun, or its last step was taken."""
-        return self.clock >= CONTROL_STEPS
+        return self.clock >= self.world.episode.steps
+
+    @property
+    def rehearsing(self) -> bool:
+        """Whether the pass begun last is a rehearsal."""
+        return self._rehearsal is not None and self._rehearsal.on
 
     @property
     def rehearsed(self) -> bool:
         """Whether the episode that ended was a rehearsal, so that `second_pass` comes next."""
-        return self.rehearsal and self.over
+        return self.rehearsing and self.over
 
     def begin(self, problems: Problem) -> Observation:
         """The first observation of new problems, one a lane. Of SAO, a rehearsal begins."""
-        self._first = self._programs.reset(problems)
-        return self._start(rehearsal=self.task.rehearsed)
+        first = _reset(self.world, self._seed, problems, self._stream)
+        self._rehearsal = Rehearsal(self.world, first)
+        return self._start(first)
 
     def second_pass(self) -> Observation:
-        """The same problems again, now with a box on the path that the rehearsal took."""
-        path = jnp.stack(self._path, axis=1)
-        memory = jax.vmap(self.task.second_pass)(self._first.memory, path)
-        self._first = replace(self._first, memory=memory)
-        return self._start(rehearsal=False)
+        """The same problems again, now with a box on the path that the rehearsal took.
 
-    def step(self, targets: Float[np.ndarray, "lanes 7"]) -> tuple[Observation, Verdict]:
-        """One control step, 1/60 s, towards joint targets [rad]; RuntimeError where none is left."""
-        if self.over:
+        RuntimeError where no rehearsal ended.
+        """
+        if self._rehearsal is None or not self.rehearsed:
+            raise RuntimeError("no rehearsal ended, so that no second pass can begin")
+        return self._start(self._rehearsal.end())
+
+    def step(self, targets: Float[np.ndarray, "lanes J"]) -> tuple[Observation, Outcome]:
+        """One control step towards joint targets [rad]; RuntimeError where none is left."""
+        if self.over or self._rehearsal is None:
             raise RuntimeError(
                 "no episode to step: the last one is over, or none was begun; reset()"
             )
-        self._state, self._tally, grip, observation, verdict = self._programs.step(
-            self._state, self._tally, targets, jnp.int32(self.clock)
+        self._state, self._verdict, grip, observation, outcome = _step(
+            self.world, self._state, self._verdict, targets, jnp.int32(self.clock)
         )
-        if self.rehearsal:
-            self._path.append(grip)
+        self._rehearsal.note(grip)
         self.clock += 1
-        return observation, verdict
+        return observation, outcome
 
-    def _start(self, rehearsal: bool) -> Observation:
-        self.clock, self.rehearsal, self._path = 0, rehearsal, []
-        self._state = self._first
-        self._tally = _Tally(jnp.zeros(self.count, bool), jnp.ones(self.count, bool))
-        return self._programs.observe(self._first)
+    def _start(self, first: State) -> Observation:
+        self.clock, self._state, self._verdict = 0, first, Verdict.begin((self.count,))
+        return _observe(self.world, first)
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class _Tally:
-    """What a verdict remembers of earlier steps."""
-
-    collided: Bool[Array, "*lanes"]
-    finite: Bool[Array, "*lanes"]
+# One program a world for all lanes of a process: an environment to train in and one to look at the
+# outcome share them.
 
 
-class _Programs:
-    """The compiled functions of one task's lanes, whatever their number."""
+@partial(jit, static_argnums=(0, 1, 3))
+def _reset(world: World, seed: int, problems: Problem, stream: int) -> State:
+    return jax.vmap(lambda problem: one_world.reset(world, seed, problem, stream))(problems)
 
-    def __init__(self, task: Task, seed: int, stream: int):
-        self.world = World(task)
 
-        def reset(problem: Problem) -> State:
-            return self.world.reset(problem, instance_key(seed, task.name, problem.id, stream))
+@partial(jit, static_argnums=0)
+def _observe(world: World, state: State) -> Observation:
+    return jax.vmap(world.observe)(state)
 
-        self.reset = jit(jax.vmap(reset))
-        self.observe = jit(jax.vmap(self.world.observe))
-        self.step = jit(jax.vmap(self._step, in_axes=(0, 0, 0, None)))
 
-    def _step(
-        self, state: State, tally: _Tally, target: Float[Array, "7"], clock: Int[Array, ""]
-    ) -> tuple[State, _Tally, Float[Array, "3"], Observation, Verdict]:
-        state, events = self.world.step(state, target, clock)
-        seen = record(state, events)
-        position_error, orientation_error = seen["position_error"], seen["orientation_error"]
-        at_goal = (position_error < REACH_POSITION) & (orientation_error < REACH_ORIENTATION)
-        tally = _Tally(tally.collided | (events.clearance < 0.0), tally.finite & events.finite)
-        verdict = Verdict(
-            clearance=events.clearance,
-            position_error=position_error,
-            orientation_error=orientation_error,
-            reached=at_goal & tally.finite,
-            collided=tally.collided,
-            finite=tally.finite,
-            valid=self.world.task.valid(state.memory),
+@partial(jit, static_argnums=0)
+def _step(
+    world: World,
+    state: State,
+    verdict: Verdict,
+    targets: Float[Array, "lanes J"] | Float[np.ndarray, "lanes J"],
+    clock: Int[Array, ""],
+) -> tuple[State, Verdict, Float[Array, "lanes 3"], Observation, Outcome]:
+    def step(state, verdict, target):
+        state, record = one_world.apply(world, state, target, clock)
+        verdict = verdict.after(record, world.task.valid(state.memory), clock)
+        outcome = Outcome(
+            clearance=record.clearance,
+            position_error=record.position_error,
+            orientation_error=record.orientation_error,
+            verdict=verdict,
         )
-        return state, tally, events.grip_position, self.world.observe(state), verdict
+        return state, verdict, record.grip_position, world.observe(state), outcome
 
-
-@cache
-def _programs(task: Task, seed: int, stream: int) -> _Programs:
-    """Compiled once a process: an environment to train in and one to look at the outcome share them."""
-    return _Programs(task, seed, stream)
+    return jax.vmap(step)(state, verdict, targets)

@@ -9,18 +9,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.contract import Problem
-from drpbench.envs import Task
+from drpbench.envs import World
 from drpbench.geometry import Primitives, matrix_to_quaternion, quaternion_to_matrix
 from drpbench.problems import load
-from drpbench.robot import PANDA
-from drpbench.rollout.batch import take
+from drpbench.robot import Robot
+from drpbench.rollout import take
+from drpbench.rollout.keys import WORLD
 
 
 class Problems(Protocol):
     """Numbered problems of one task."""
 
     stream: int
-    """The random stream of their worlds, see `drpbench.rollout.batch.instance_key`."""
+    """The random stream of their worlds, see `drpbench.rollout.instance_key`."""
 
     def require(self, ids: Sequence[int]) -> None:
         """Raises ValueError for a number that there is not."""
@@ -38,10 +39,10 @@ class Problems(Protocol):
 class Frozen:
     """The benchmark's problems, in a random order that comes to each of them before it begins again."""
 
-    stream = 0  # as in `drpbench run`: the same boxes, the same points
+    stream = WORLD  # as in `drpbench run`: the same boxes, the same points
 
-    def __init__(self, task: Task):
-        self._problems = load(task.name)
+    def __init__(self, world: World):
+        self._problems = load(world.task.name)
         self._left: list[int] = []
 
     def require(self, ids: Sequence[int]) -> None:
@@ -71,18 +72,17 @@ _MOST = 2**31  # training problems there are numbers for
 class Training:
     """Problems to learn from, drawn on the host from the stream of `drpbench data`.
 
-    Those with a box on their goal are passed over for the next number that has none. DGB begins at the
-    goal. A task's level, which sets number and size of its moving boxes, is 1 on the bare table and 2
-    elsewhere; of DGB, every fourth problem has three boxes.
+    Those with a box on their goal are passed over for the next number that has none. Where they begin,
+    and on which level, the task says (`Task.starts_at_goal`, `Task.training_level`).
     """
 
     stream = 2  # no box and no point as in the benchmark
 
-    def __init__(self, task: Task):
+    def __init__(self, world: World):
         # What draws problems is heavy to import, and of no use to who asks for the frozen ones.
         from drpbench.generation.training_problems import TRAINING_STREAM, Drawer
 
-        self._task, self._drawer = task, Drawer(TRAINING_STREAM)
+        self._world, self._drawer = world, Drawer(TRAINING_STREAM)
 
     def require(self, ids: Sequence[int]) -> None:
         for id in ids:
@@ -104,16 +104,17 @@ class Training:
             for field in fields(drawn[0])
         }
         goal = stacked["goal"]
-        position, quaternion = (np.asarray(values) for values in _goal_pose(jnp.asarray(goal)))
-        if self._task.name == "DGB":
-            level = np.where(np.asarray(ids) % 4 == 3, 2, 1)
-        else:
-            level = np.array([1 if FAMILY_NAMES[one.family] == "table" else 2 for one in drawn])
+        position, quaternion = (
+            np.asarray(values) for values in _goal_pose(self._world.robot, goal)
+        )
+        task = self._world.task
+        furnished = np.array([FAMILY_NAMES[one.family] != "table" for one in drawn])
+        level = task.training_level(np.asarray(ids), furnished)
         rotation = quaternion_to_matrix(jnp.asarray(stacked["quaternion"]))
         return Problem(
             id=np.asarray(ids, np.int32),
             level=level.astype(np.int32),
-            start=goal if self._task.name == "DGB" else stacked["start"],
+            start=goal if task.starts_at_goal else stacked["start"],
             goal=goal,
             goal_position=position,
             goal_quaternion=quaternion,
@@ -132,9 +133,10 @@ class Training:
         return drawn
 
 
-def _goal_pose(goal: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Position [m] and quaternion wxyz of `grip` for goals (n, 7)."""
-    position, rotation = jax.vmap(lambda q: PANDA.grip_pose(PANDA.link_poses(q)))(goal)
+def _goal_pose(robot: Robot, goal: np.ndarray) -> tuple[jax.Array, jax.Array]:
+    """Position [m] and quaternion wxyz of `grip` for goals (n, J)."""
+    pose = jax.vmap(lambda q: robot.grip_pose(robot.link_poses(q)))
+    position, rotation = pose(jnp.asarray(goal))
     return position, matrix_to_quaternion(rotation)
 
 

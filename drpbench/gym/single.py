@@ -6,6 +6,8 @@ import gymnasium
 import numpy as np
 from jaxtyping import Array, Num
 
+from drpbench.contract import EPISODE, Episode
+
 from .vector import VectorEnv
 
 
@@ -16,8 +18,16 @@ class SingleEnv(gymnasium.Env):
         name: value for name, value in VectorEnv.metadata.items() if name != "autoreset_mode"
     }
 
-    def __init__(self, *, task: str, problems: str = "frozen", run_seed: int = 0):
-        self._one = VectorEnv(1, task=task, problems=problems, run_seed=run_seed)
+    def __init__(
+        self,
+        *,
+        task: str,
+        problems: str = "frozen",
+        run_seed: int = 0,
+        episode: Episode = EPISODE,
+    ):
+        self._one = VectorEnv(1, task=task, problems=problems, run_seed=run_seed, episode=episode)
+        self.metadata = {**self.metadata, "render_fps": self._one.metadata["render_fps"]}
         self.observation_space = self._one.single_observation_space
         self.action_space = self._one.single_action_space
 
@@ -38,15 +48,15 @@ class SingleEnv(gymnasium.Env):
     def step(
         self, action: Num[np.ndarray, "..."] | Num[Array, "..."]
     ) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """One control step, 1/60 s, towards joint targets (7,) [rad].
+        """One control step, 1/60 s, towards joint targets (J,) [rad].
 
         Raises:
-            ValueError: the action is not of shape (7,).
+            ValueError: the action is not of shape (J,).
             RuntimeError: the episode is over, or none was begun.
         """
         targets = np.asarray(action, np.float32)
-        if targets.shape != (7,):
-            raise ValueError(f"the action has shape {targets.shape}, not (7,)")
+        if targets.shape != self.action_space.shape:
+            raise ValueError(f"the action has shape {targets.shape}, not {self.action_space.shape}")
         observation, reward, _, truncated, info = self._one.step(targets[None])
         return _first(observation), float(reward[0]), False, bool(truncated[0]), _plain(info)
 

@@ -1,6 +1,5 @@
 """The vector environment: `gymnasium.make_vec("drpbench/FDO-v1", num_envs=64)`."""
 
-from dataclasses import fields
 from typing import Any
 
 import gymnasium
@@ -9,29 +8,32 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from jaxtyping import Array, Num
 
-from drpbench.contract import CONTROL_PERIOD, CONTROL_STEPS
-from drpbench.envs import TASKS
+from drpbench.contract import EPISODE, Episode
+from drpbench.envs import TASKS, World
 
-from .lanes import Lanes, Verdict
+from .lanes import Lanes, Outcome
 from .served import SOURCES
 from .spaces import action_space, as_dict, observation_space
 
 _OPTIONS = ("id", "reset_mask")
+_MEASURES = ("clearance", "position_error", "orientation_error")
+_VERDICT = ("reached", "collided", "finite", "valid")
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):
     """One task, `num_envs` problems at once, in one compiled JAX program.
 
     Observations are dictionaries of arrays (`drpbench.gym.spaces`), actions absolute joint targets [rad]
-    of shape (num_envs, 7). The reward is 1 for success at the last control step, and 0 otherwise: an
-    episode's return is its success. Nothing terminates an episode before its 1000 control steps; then
-    all lanes are truncated together, and `reset` begins the next problems.
+    of shape (num_envs, J), J = 7 for the Panda. The reward is 1 for success at the last control step, and
+    0 otherwise: an episode's return is its success. Nothing terminates an episode before its 1000 control
+    steps; then all lanes are truncated together, and `reset` begins the next problems.
 
     Args:
         num_envs: how many problems at once.
         task: SE, SAO, FDO, GB or DGB.
         problems: "frozen" for the benchmark's, "training" for others drawn to learn from.
         run_seed: the seed of `drpbench run`: of point clouds and of how boxes move.
+        episode: how long an episode is; another one than the benchmark's is for trying things out.
 
     Raises:
         ValueError: an argument is not one of those.
@@ -39,12 +41,18 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     metadata = {
         "render_modes": [],
-        "render_fps": round(1.0 / CONTROL_PERIOD),
+        "render_fps": round(1.0 / EPISODE.period),
         "autoreset_mode": AutoresetMode.DISABLED,
     }
 
     def __init__(
-        self, num_envs: int = 1, *, task: str, problems: str = "frozen", run_seed: int = 0
+        self,
+        num_envs: int = 1,
+        *,
+        task: str,
+        problems: str = "frozen",
+        run_seed: int = 0,
+        episode: Episode = EPISODE,
     ):
         if num_envs < 1:
             raise ValueError(f"num_envs={num_envs}: must be at least 1")
@@ -54,13 +62,15 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             raise ValueError(f"problems={problems!r}: there are: {', '.join(SOURCES)}")
         if not -(2**31) <= run_seed < 2**31:
             raise ValueError(f"run_seed={run_seed}: must fit 32 bits")
+        world = World(TASKS[task], episode=episode)
         self.num_envs = num_envs
-        self.single_observation_space = observation_space()
-        self.single_action_space = action_space()
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / episode.period)}
+        self.single_observation_space = observation_space(world.spec)
+        self.single_action_space = action_space(world.robot)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._problems = SOURCES[problems](TASKS[task])
-        self._lanes = Lanes(TASKS[task], num_envs, run_seed, self._problems.stream)
+        self._problems = SOURCES[problems](world)
+        self._lanes = Lanes(world, num_envs, run_seed, self._problems.stream)
         self._ids: list[int] = []
 
     def reset(
@@ -96,18 +106,18 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """One control step, 1/60 s, in every lane.
 
         Raises:
-            ValueError: actions are not of shape (num_envs, 7).
+            ValueError: actions are not of shape (num_envs, J).
             RuntimeError: the episodes are over, or none was begun.
         """
         targets = np.asarray(actions, np.float32)
-        if targets.shape != (self.num_envs, 7):
-            raise ValueError(f"actions have shape {targets.shape}, not {(self.num_envs, 7)}")
-        observation, verdict = self._lanes.step(targets)
+        if targets.shape != self.action_space.shape:
+            raise ValueError(f"actions have shape {targets.shape}, not {self.action_space.shape}")
+        observation, outcome = self._lanes.step(targets)
         over = self._lanes.over
-        reward = np.asarray(verdict.success, float) if over else np.zeros(self.num_envs)
+        reward = np.asarray(outcome.verdict.success, float) if over else np.zeros(self.num_envs)
         terminated = np.zeros(self.num_envs, bool)
         truncated = np.full(self.num_envs, over)
-        return as_dict(observation), reward, terminated, truncated, self._info(verdict)
+        return as_dict(observation), reward, terminated, truncated, self._info(outcome)
 
     def _asked_for(self, options: dict[str, Any]) -> list[int] | None:
         """The ids that the options name, one a lane."""
@@ -116,7 +126,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if not np.all(options.get("reset_mask", True)):
             raise ValueError(
                 "reset_mask is not true everywhere: all lanes share one clock, and their episodes end "
-                f"together after {CONTROL_STEPS} steps"
+                f"together after {self._lanes.world.episode.steps} steps"
             )
         if "id" not in options:
             return None
@@ -131,12 +141,13 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._problems.require(listed)
         return listed
 
-    def _info(self, verdict: Verdict | None = None) -> dict[str, Any]:
+    def _info(self, outcome: Outcome | None = None) -> dict[str, Any]:
         """As Gymnasium has it: an array a key, and beside it which lanes have that key."""
         info = {
             "id": np.array(self._ids),
-            "rehearsal": np.full(self.num_envs, self._lanes.rehearsal),
+            "rehearsal": np.full(self.num_envs, self._lanes.rehearsing),
         }
-        if verdict is not None:
-            info |= {f.name: np.array(getattr(verdict, f.name)) for f in fields(verdict)}
+        if outcome is not None:
+            info |= {name: np.array(getattr(outcome, name)) for name in _MEASURES}
+            info |= {name: np.array(getattr(outcome.verdict, name)) for name in _VERDICT}
         return info | {f"_{name}": np.ones(self.num_envs, bool) for name in info}

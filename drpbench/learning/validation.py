@@ -10,8 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.contract import Policy, Problem
-from drpbench.envs import TASKS
-from drpbench.evaluation.metrics import rows
+from drpbench.envs import TASKS, World
 from drpbench.generation.training_problems import VALIDATION_STREAM, Drawer, Drawn
 from drpbench.geometry import Primitives, matrix_to_quaternion, quaternion_to_matrix
 from drpbench.robot import PANDA
@@ -38,20 +37,16 @@ class Validation:
             drawn += [] if one.obstructed else [one]
             number += 1
         self._problems, self._count = problems(drawn), count
-        self._rollout: Rollout | None = None
 
     def score(self, policy: Policy) -> Score:
-        """Episodes of the policy; later ones must be of the same structure."""
-        if self._rollout is None:
-            self._rollout = Rollout(TASKS["SE"], policy, lanes=max(LANES, self._count))
-        self._rollout.policy = policy
-        trace = self._rollout.run(self._problems)
-        found = rows("SE", list(range(self._count)), ["validation"] * self._count, trace)
+        """Episodes of the policy. Nothing is compiled for one of the structure of an earlier one."""
+        rollout = Rollout(World(TASKS["SE"]), policy, lanes=max(LANES, self._count))
+        verdict = rollout.run(self._problems).verdict
         return Score(
             self._count,
-            sum(row.reached for row in found),
-            sum(row.collided for row in found),
-            sum(row.success for row in found),
+            int(verdict.reached.sum()),
+            int(verdict.collided.sum()),
+            int(verdict.success.sum()),
         )
 
 

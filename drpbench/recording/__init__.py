@@ -1,6 +1,6 @@
 """Episodes one can watch: MCAP files for Foxglove, and videos."""
 
-from .episode import Episode as Episode
+from .episode import Recording as Recording
 from .episode import RecordingError as RecordingError
 from .episode import episode as episode
 from .episode import traced as traced

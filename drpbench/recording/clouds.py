@@ -1,16 +1,16 @@
 """The point clouds that a policy saw, at chosen instants of an episode."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import jax
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.contract import ROBOT_POINTS, Movers
-from drpbench.perception.surface_cloud import Cloud, scene_cloud
-from drpbench.robot import PANDA
+from drpbench.contract import Movers
+from drpbench.envs import State, World
 
-from .episode import Episode
+from .episode import Recording
 
 
 @dataclass(frozen=True)
@@ -21,24 +21,25 @@ class Clouds:
     static_mask: np.ndarray  # (S,) bool
     boxes: np.ndarray  # (N, B, 3)
     boxes_mask: np.ndarray  # (N, B) bool
-    robot: np.ndarray  # (N, 256, 3)
+    robot: np.ndarray  # (N, P, 3)
 
 
-def clouds(episode: Episode, instants: np.ndarray) -> Clouds:
+def clouds(episode: Recording, instants: np.ndarray) -> Clouds:
     """The clouds at the instants (N,) given."""
-    cloud = episode.state.cloud
-    boxes, mask = _boxes(cloud, episode.boxes.movers(instants))
-    robot = _robot(episode.joint_position[instants])
-    return Clouds(
-        *map(np.asarray, (cloud.static_points, cloud.static_mask, boxes, mask, robot)),
-    )
+    cloud, movers = episode.state.cloud, episode.boxes.movers(instants)
+    seen = _seen(episode.world, episode.state, episode.joint_position[instants], movers)
+    return Clouds(*map(np.asarray, (cloud.static_points, cloud.static_mask, *seen)))
 
 
-def _on_boxes(cloud: Cloud, movers: Movers) -> tuple[jax.Array, jax.Array]:
-    points, mask = scene_cloud(cloud, movers)
-    static = len(cloud.static_mask)
-    return points[static:], mask[static:]
+@partial(jit, static_argnums=0)
+def _seen(
+    world: World, state: State, joints: jax.Array | np.ndarray, movers: Movers
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """The points on the boxes, which of them there are, and the arm's."""
+    static = len(state.cloud.static_mask)
 
+    def once(q: jax.Array, movers: Movers) -> tuple[jax.Array, jax.Array, jax.Array]:
+        seen = world.observe(replace(state, joint_position=q, movers=movers))
+        return seen.scene_points[static:], seen.scene_mask[static:], seen.robot_points
 
-_boxes = jit(jax.vmap(_on_boxes, in_axes=(None, 0)))
-_robot = jit(jax.vmap(lambda q: PANDA.surface_points(ROBOT_POINTS).world(PANDA.link_poses(q))))
+    return jax.vmap(once)(joints, movers)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from fractions import Fraction
 from typing import TypeVar
 
 import jax
@@ -10,11 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.contract import Movers, Problem
-from drpbench.envs import TASKS, State, World
+from drpbench.contract import EPISODE, Movers, Problem
+from drpbench.envs import State, World
 from drpbench.errors import DrpbenchError
 from drpbench.problems import ProblemSet
-from drpbench.rollout.batch import Trace, instance_key, take
+from drpbench.rollout import Trace, take
+from drpbench.rollout.step import reset
 
 Instant = TypeVar("Instant", int, np.ndarray)
 
@@ -47,22 +48,28 @@ _FIELDS = ("half_size", "rotation", "position", "active")
 
 
 @dataclass(frozen=True)
-class Episode:
-    """T control steps are T + 1 instants, the start first; instant k is k/60 s after it.
+class Recording:
+    """An episode as it happened, by an arm of J joints.
 
-    An episode whose arm stops being made of finite numbers ends at the instant before.
+    T control steps are T + 1 instants, the start first; instant k is k control periods after it. An
+    episode whose arm stops being made of finite numbers ends at the instant before.
     """
 
-    task: str
+    world: World
     id: int
     problem: Problem
     state: State
     """The world before the first control step."""
-    joint_position: np.ndarray  # (T + 1, 7) [rad]
-    joint_velocity: np.ndarray  # (T + 1, 7) [rad/s], zero at the start
+    joint_position: np.ndarray  # (T + 1, J) [rad]
+    joint_velocity: np.ndarray  # (T + 1, J) [rad/s], zero at the start
     boxes: Boxes
     sphere: np.ndarray | None = None
     """(T,) index of the sphere of `moving_spheres` nearest to an obstacle in each control step, where known"""
+
+    @property
+    def task(self) -> str:
+        """The name of its task."""
+        return self.world.task.name
 
     @property
     def name(self) -> str:
@@ -74,35 +81,37 @@ class Episode:
         """T + 1."""
         return len(self.joint_position)
 
+    def time(self, instant: Instant) -> Instant:
+        """When an instant is, or each of several, since the start [ns]."""
+        return nanoseconds(instant, self.world.episode.period)
+
 
 def episode_name(task: str, id: int) -> str:
     """`FDO-00017`."""
     return f"{task}-{id:05d}"
 
 
-def nanoseconds(instant: Instant) -> Instant:
-    """Time of an instant, or of each of them, since the start [ns]: 60 control steps a second, no drift."""
-    return instant * 10**9 // 60
+def nanoseconds(instant: Instant, period: float = EPISODE.period) -> Instant:
+    """Time of an instant, or of each of them, since the start [ns], without drift; `period` [s]."""
+    exact = Fraction(period).limit_denominator(10**6)
+    return instant * (10**9 * exact.numerator) // exact.denominator
 
 
-@cache
-def _reset(task: str, seed: int):
-    world = World(TASKS[task])
-    return jit(lambda problem: world.reset(problem, instance_key(seed, task, problem.id, 0)))
+_reset = jit(reset, static_argnums=(0, 1))
 
 
 def episode(
-    task: str, id: int, problems: ProblemSet, seed: int, arrays: Mapping[str, np.ndarray]
-) -> Episode:
+    world: World, id: int, problems: ProblemSet, seed: int, arrays: Mapping[str, np.ndarray]
+) -> Recording:
     """The episode of one instance from what was recorded of it.
 
-    `arrays` are those of `evaluation/trajectories.py`, and `sphere` as in a Trace where it is known. The
+    `arrays` are those of `drpbench.results.Trajectories`, and `sphere` as in a Trace where it is known. The
     rest follows from the problem and the run's seed. Raises RecordingError where arrays are missing or
     not of one number of steps, or begin somewhere else than the problem does.
     """
     problem = jax.tree.map(lambda leaf: leaf[0, ...], take(problems, [id]))
-    state = _reset(task, seed)(problem)
-    name = f"the recording of {task} {id}"
+    state, joints_count = _reset(world, seed, problem), world.robot.joints
+    name = f"the recording of {world.task.name} {id}"
     try:
         joints = np.asarray(arrays["joint_position"], np.float32)
         velocity = np.asarray(arrays["joint_velocity"], np.float32)
@@ -111,7 +120,8 @@ def episode(
         raise RecordingError(f"{name} lacks {error.args[0]}") from None
     sphere, steps = arrays.get("sphere"), len(velocity)
     first = {field: np.asarray(getattr(state.movers, field)) for field in _FIELDS}
-    whole = joints.shape == (steps + 1, 7) and velocity.shape == (steps, 7)
+    shapes = (steps + 1, joints_count), (steps, joints_count)
+    whole = (joints.shape, velocity.shape) == shapes
     if not whole or any(moved[f].shape != (steps, *first[f].shape) for f in _FIELDS):
         raise RecordingError(f"{name} is damaged: its arrays are not of one number of steps")
     if not np.array_equal(joints[0], problem.start):
@@ -119,19 +129,19 @@ def episode(
     finite = np.isfinite(joints).all(axis=1)
     end = steps + 1 if finite.all() else int(finite.argmin())
     boxes = {f: np.concatenate([first[f][None], moved[f]])[:end] for f in _FIELDS}
-    return Episode(
-        task=task,
+    return Recording(
+        world=world,
         id=id,
         problem=problem,
         state=state,
         joint_position=joints[:end],
-        joint_velocity=np.concatenate([np.zeros((1, 7), np.float32), velocity])[:end],
+        joint_velocity=np.concatenate([np.zeros_like(joints[:1]), velocity])[:end],
         boxes=Boxes(**boxes),
         sphere=None if sphere is None else sphere[: end - 1],
     )
 
 
-def traced(task: str, id: int, problems: ProblemSet, seed: int, trace: Trace, lane: int) -> Episode:
+def traced(id: int, problems: ProblemSet, seed: int, trace: Trace, lane: int) -> Recording:
     """The episode in one lane of a rollout."""
     arrays = {
         "joint_position": np.concatenate([trace.start[None, lane], trace.joint_position[:, lane]]),
@@ -140,4 +150,4 @@ def traced(task: str, id: int, problems: ProblemSet, seed: int, trace: Trace, la
     }
     for field in _FIELDS:
         arrays[f"mover_{field}"] = getattr(trace, f"mover_{field}")[:, lane]
-    return episode(task, id, problems, seed, arrays)
+    return episode(trace.world, id, problems, seed, arrays)

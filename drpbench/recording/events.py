@@ -5,10 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drpbench.contract import REACH_ORIENTATION, REACH_POSITION
-from drpbench.robot import PANDA
-
-from .episode import Episode
+from .episode import Recording
 from .motion import Motion
 
 _JUMP = 0.01  # [m] a box that moved more in a control step was put elsewhere
@@ -23,13 +20,7 @@ class Event:
     bad: bool = False
 
 
-def at_goal(motion: Motion) -> np.ndarray:
-    """(N,) bool: within 1 cm and 15 degrees."""
-    near = motion.position_error < REACH_POSITION
-    return near & (motion.orientation_error < REACH_ORIENTATION)
-
-
-def put_down(episode: Episode) -> np.ndarray:
+def put_down(episode: Recording) -> np.ndarray:
     """(N, M) bool: whether a box appears at the instant, or is put elsewhere; at the start, whether it is there."""
     boxes = episode.boxes
     new = np.array(boxes.active)
@@ -39,13 +30,13 @@ def put_down(episode: Episode) -> np.ndarray:
     return new
 
 
-def events(episode: Episode, motion: Motion) -> list[Event]:
+def events(episode: Recording, motion: Motion) -> list[Event]:
     """Boxes that appear and vanish, contacts, the goal; in the order of time."""
     found = [*_boxes(episode), *_contacts(motion), *_goal(motion)]
     return sorted(found, key=lambda event: event.instant)
 
 
-def _boxes(episode: Episode) -> Iterator[Event]:
+def _boxes(episode: Recording) -> Iterator[Event]:
     boxes = episode.boxes
     for instant, box in np.argwhere(put_down(episode)):
         edges = " x ".join(f"{2.0 * half:.2f}" for half in boxes.half_size[instant, box])
@@ -57,7 +48,7 @@ def _boxes(episode: Episode) -> Iterator[Event]:
 
 def _contacts(motion: Motion) -> Iterator[Event]:
     for first, last in _spells(motion.touching):
-        name = PANDA.link_names[motion.link[first]]
+        name = motion.robot.link_names[motion.link[first]]
         yield Event(first, f"collision: {name} touches an obstacle", bad=True)
         if last < len(motion.touching):
             depth = -1e3 * motion.clearance[first:last].min()
@@ -65,7 +56,7 @@ def _contacts(motion: Motion) -> Iterator[Event]:
 
 
 def _goal(motion: Motion) -> Iterator[Event]:
-    for first, last in _spells(at_goal(motion)):
+    for first, last in _spells(motion.at_goal):
         yield Event(first, "at the goal: within 1 cm and 15 degrees")
         if last < len(motion.position_error):
             yield Event(last, "left the goal")

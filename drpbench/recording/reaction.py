@@ -1,22 +1,22 @@
 """What DCP-RMP made of an episode: the dynamic closest point and the modified goal, seen again."""
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.contract import ROBOT_POINTS, Movers, Observation
-from drpbench.envs import State
+from drpbench.contract import Movers
+from drpbench.envs import State, World
 from drpbench.geometry import signed_distance
-from drpbench.perception.surface_cloud import scene_cloud
 from drpbench.policies import DcpRmp, Reaction
 from drpbench.policies.dcp_rmp import Carry, Constants
-from drpbench.robot import PANDA
+from drpbench.robot import Robot
 
-from .episode import Episode
+from .episode import Recording
 
 
 def dcp_rmp_of(parameters: Mapping[str, object]) -> DcpRmp | None:
@@ -31,7 +31,7 @@ def dcp_rmp_of(parameters: Mapping[str, object]) -> DcpRmp | None:
     return DcpRmp(policy=None, constants=constants)
 
 
-def reaction(module: DcpRmp, episode: Episode, instants: np.ndarray) -> Reaction:
+def reaction(module: DcpRmp, episode: Recording, instants: np.ndarray) -> Reaction:
     """Asks the module again at the instants (N,) given, each with the cloud of the instant before.
 
     Only where a moving box is within the module's reach: elsewhere the goal stays what it is, and the two
@@ -46,13 +46,16 @@ def reaction(module: DcpRmp, episode: Episode, instants: np.ndarray) -> Reaction
     )
     if not episode.boxes.count:
         return found
-    gap = _gap(episode.joint_position[instants], episode.boxes.movers(instants))
+    gap = _gap(
+        episode.world.robot, episode.joint_position[instants], episode.boxes.movers(instants)
+    )
     reach = np.sqrt(module.constants.r) + _ROUNDING
     near = np.flatnonzero(np.asarray(gap) < reach)
     for first in range(0, len(near), _LANES):
         some = near[first : first + _LANES]
         lanes = instants[np.resize(some, _LANES)]
         seen = _ask(
+            episode.world,
             module,
             episode.state,
             episode.joint_position[lanes],
@@ -70,16 +73,20 @@ _LANES = 16  # instants a call
 _ROUNDING = 1e-3  # [m]
 
 
-@jit
-@jax.vmap
-def _gap(q: jax.Array, movers: Movers) -> jax.Array:
+@partial(jit, static_argnums=0)
+def _gap(robot: Robot, joints: jax.Array | np.ndarray, movers: Movers) -> jax.Array:
     """Distance [m] of the arm's surface and the moving boxes."""
-    model = PANDA.moving_spheres
-    distance = signed_distance(model.world(PANDA.link_poses(q)), movers.primitives())
-    return jnp.min(distance - model.radius)
+    model = robot.moving_spheres
+
+    def gap(q: jax.Array, movers: Movers) -> jax.Array:
+        distance = signed_distance(model.world(robot.link_poses(q)), movers.primitives())
+        return jnp.min(distance - model.radius)
+
+    return jax.vmap(gap)(joints, movers)
 
 
 def _once(
+    world: World,
     module: DcpRmp,
     state: State,
     q: jax.Array,
@@ -88,20 +95,22 @@ def _once(
     before: Movers,
     begun: jax.Array,
 ) -> Reaction:
-    points, mask = scene_cloud(state.cloud, now)
-    previous, previous_mask = scene_cloud(state.cloud, before)
-    carry = Carry(None, previous, previous_mask & begun)  # the first step has no frame before it
-    observation = Observation(
-        joint_position=q,
-        joint_velocity=qd,
-        goal_joints=jnp.asarray(state.problem.goal),
-        goal_position=jnp.asarray(state.problem.goal_position),
-        goal_quaternion=jnp.asarray(state.problem.goal_quaternion),
-        scene_points=points,
-        scene_mask=mask,
-        robot_points=PANDA.surface_points(ROBOT_POINTS).world(PANDA.link_poses(q)),
-    )
-    return module.reaction(observation, carry)
+    previous = world.observe(replace(state, movers=before))
+    # The first step has no frame before it.
+    carry = Carry(None, previous.scene_points, previous.scene_mask & begun)
+    state = replace(state, joint_position=q, joint_velocity=qd, movers=now)
+    return module.reaction(world.observe(state), carry)
 
 
-_ask = jit(jax.vmap(_once, in_axes=(None, None, 0, 0, 0, 0, 0)))
+@partial(jit, static_argnums=0)
+def _ask(
+    world: World,
+    module: DcpRmp,
+    state: State,
+    q: np.ndarray,
+    qd: np.ndarray,
+    now: Movers,
+    before: Movers,
+    begun: np.ndarray,
+) -> Reaction:
+    return jax.vmap(partial(_once, world, module, state))(q, qd, now, before, begun)

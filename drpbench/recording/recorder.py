@@ -9,9 +9,9 @@ from typing import Self
 from drpbench.problems import load
 from drpbench.results import Header, Result
 from drpbench.results import load as load_result
-from drpbench.rollout.batch import Trace
+from drpbench.rollout import Trace
 
-from .episode import Episode, episode_name, traced
+from .episode import Recording, episode_name, traced
 from .mcap_file import TEMPORARY, write_mcap
 from .reaction import dcp_rmp_of
 from .recorded import is_whole
@@ -45,7 +45,7 @@ class Recorder:
         if kind is None and self.result:
             self._complete(load_result(self.result), self.result)
 
-    def write(self, header: Header, episode: Episode) -> Path:
+    def write(self, header: Header, episode: Recording) -> Path:
         """Writes one episode of a run; returns the file's path. Raises RecordingError where that fails."""
         about = {
             "task": episode.task,
@@ -78,7 +78,7 @@ class Recorder:
         problems = load(task)
         for lane, id in enumerate(ids):
             if self._takes(task, id):
-                self.write(header, traced(task, id, problems, header.seed, trace, lane))
+                self.write(header, traced(id, problems, header.seed, trace, lane))
 
     def _path(self, name: str) -> Path:
         return self.folder / f"{name}.mcap"

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drpbench.envs import TASKS, World
 from drpbench.evaluation.rerun import rerun
 from drpbench.evaluation.run import device_name, versions
 from drpbench.leaderboard.submission import check
@@ -16,10 +17,9 @@ from drpbench.problems import load as load_problems
 from drpbench.results import Header, Result, Row
 from drpbench.results.names import trajectories_file
 from drpbench.results.trajectories import load_trajectories
-from drpbench.rollout import LANES
-from drpbench.rollout.batch import Trace
+from drpbench.rollout import LANES, Trace
 
-from .episode import Episode, RecordingError, episode, traced
+from .episode import Recording, RecordingError, episode, traced
 from .motion import Motion, motion
 
 # Rounding of what is recomputed is far below.
@@ -31,7 +31,7 @@ class Replay:
     """An episode of a result, and what is to be said about it: nothing, where it is what the row says."""
 
     row: Row
-    episode: Episode
+    episode: Recording
     remark: str | None
 
 
@@ -100,9 +100,8 @@ class Replayer:
     def _as_recorded(self, row: Row) -> Replay:
         arrays = self._trajectories[_key(row)]
         try:
-            found = episode(
-                row.task, row.id, self.problems[row.task], self.result.header.seed, arrays
-            )
+            world = World(TASKS[row.task])
+            found = episode(world, row.id, self.problems[row.task], self.result.header.seed, arrays)
         except RecordingError as error:
             raise RecordingError(f"{self.recorded}: {error}") from None
         if difference := _difference(row, motion(found)):
@@ -115,11 +114,11 @@ class Replayer:
         header, task = self.result.header, rows[0].task
         # XLA's rounding depends on the size of the batch and on the processor; elsewhere it differs anyway.
         same = device_name() == header.device
-        seen: dict[int, Episode] = {}
+        seen: dict[int, Recording] = {}
 
         def watch(now: Header, task: str, ids: Sequence[int], trace: Trace) -> None:
             for lane, id in enumerate(ids):
-                seen[id] = traced(task, id, self.problems[task], now.seed, trace, lane)
+                seen[id] = traced(id, self.problems[task], now.seed, trace, lane)
 
         again = rerun(
             str(self.path),

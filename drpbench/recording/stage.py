@@ -6,13 +6,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from drpbench.contract import CONTROL_PERIOD
 from drpbench.geometry import BOX, CYLINDER, SHAPES, SPHERE
-from drpbench.robot import PANDA
-from drpbench.robot.arms.panda.fingers import FINGER_OPENING
+from drpbench.robot import GREY, WHITE, Robot
 
-from .episode import Episode
-from .figure import GREY, WHITE, arm_figure
+from .episode import Recording
 from .motion import Motion
 from .offscreen import Canvas
 
@@ -32,19 +29,21 @@ _BACKGROUND = (0.97, 0.975, 0.98)
 
 
 class Stage:
-    """Draws instants of episodes, width x height pixels.
+    """Draws instants of episodes of one arm, width x height pixels.
 
-    The arm has its real meshes where `find_mesh_model` finds them, else it is drawn as solids. Raises
+    The arm has its real meshes where they are wanted (`real`) and found, else it is drawn as solids. Raises
     RecordingError where nothing can be drawn.
     """
 
-    def __init__(self, width: int, height: int, meshes: Path | None = None):
-        meshes = meshes or PANDA.meshes.find()
-        self.model = (_mesh_arm(meshes) if meshes else _solid_arm()).compile()
+    def __init__(self, width: int, height: int, robot: Robot, real: bool = True):
+        meshes = robot.meshes.find() if real and robot.meshes else None
+        self.model = (_mesh_arm(robot, meshes) if meshes else _solid_arm(robot)).compile()
         self._data = mujoco.MjData(self.model)
         self._ghosts: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         bodies = [self.model.body(body).name for body in self.model.geom_bodyid]
-        self._link = [_drawn(name) for name in bodies]
+        # Hand and fingers are one: what is rigid in one frame is drawn as one.
+        self._frame_of = {link.name: link.frame for link in robot.links}
+        self._frame = [self._frame_of.get(name, -1) for name in bodies]
         self._canvas = Canvas(self.model, width, height)
         self._scene = mujoco.MjvScene(self.model, maxgeom=2000)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
@@ -55,7 +54,7 @@ class Stage:
         self.camera.lookat[:] = (0.28, 0.0, 0.37)
         self.camera.distance, self.camera.azimuth, self.camera.elevation = 1.8, 52.0, -24.0
 
-    def draw(self, episode: Episode, motion: Motion, instant: int) -> np.ndarray:
+    def draw(self, episode: Recording, motion: Motion, instant: int) -> np.ndarray:
         """The picture (height, width, 3) uint8 of an instant."""
         self._show_arm(episode.joint_position[instant])
         if link := motion.touched(instant):
@@ -63,7 +62,7 @@ class Stage:
             self._add(SPHERE, (0.018,) * 3, motion.contact_point[instant], np.eye(3), CONTACT)
         for obstacle in _obstacles(episode, instant):
             self._add(*obstacle)
-        caption = f"{episode.task} {episode.id}   {instant * CONTROL_PERIOD:4.1f} s"
+        caption = f"{episode.task} {episode.id}   {instant * episode.world.episode.period:4.1f} s"
         picture, depth = self._canvas.draw(self._scene, caption)
         ghost, ghost_depth = self._ghost_of(episode)
         seen = ghost_depth < depth - _APART
@@ -75,7 +74,7 @@ class Stage:
         """Gives the drawing buffer back."""
         self._canvas.close()
 
-    def _ghost_of(self, episode: Episode) -> tuple[np.ndarray, np.ndarray]:
+    def _ghost_of(self, episode: Recording) -> tuple[np.ndarray, np.ndarray]:
         """The arm at the goal, alone: picture and depth. It stands still, so it is drawn once.
 
         Laid over the picture it is one even layer; transparent solids would show where they overlap.
@@ -87,8 +86,7 @@ class Stage:
         return self._ghosts[episode.name]
 
     def _show_arm(self, joints: np.ndarray) -> None:
-        self._data.qpos[:7] = joints
-        self._data.qpos[7:] = FINGER_OPENING  # those of the mesh model can move
+        self._data.qpos[:] = joints
         mujoco.mj_kinematics(self.model, self._data)
         mujoco.mj_camlight(self.model, self._data)
         mujoco.mjv_updateScene(
@@ -102,15 +100,22 @@ class Stage:
         )
 
     def _paint(self, color: Sequence[float], link: str | None = None) -> None:
-        """Colours the arm, or one link of it; hand and fingers are one."""
+        """Colours the arm, or what is rigid in one frame with a link of it."""
         for index in range(self._scene.ngeom):
             geom = self._scene.geoms[index]
             if geom.objtype != mujoco.mjtObj.mjOBJ_GEOM:
                 continue
-            if link is None or self._link[geom.objid] == _drawn(link):
+            if link is None or self._frame[geom.objid] == self._frame_of[link]:
                 geom.rgba[:3], geom.matid = color, -1
 
-    def _add(self, kind, half_size, position, rotation, color) -> None:
+    def _add(
+        self,
+        kind: int,
+        half_size: Sequence[float] | np.ndarray,
+        position: np.ndarray,
+        rotation: np.ndarray,
+        color: Sequence[float],
+    ) -> None:
         x, y, z = map(float, half_size)
         size = [x, z, 0.0] if kind == CYLINDER else [x, y, z]
         mujoco.mjv_initGeom(
@@ -124,11 +129,7 @@ class Stage:
         self._scene.ngeom += 1
 
 
-def _drawn(link: str) -> str:
-    return "hand" if link.endswith("finger") else link
-
-
-def _obstacles(episode: Episode, instant: int) -> Iterator[tuple]:
+def _obstacles(episode: Recording, instant: int) -> Iterator[tuple]:
     static, boxes = episode.problem.obstacles, episode.boxes
     for k in np.flatnonzero(static.mask):
         below = static.position[k, 2] + static.half_size[k, 2] < 1e-3
@@ -149,10 +150,10 @@ def _obstacles(episode: Episode, instant: int) -> Iterator[tuple]:
         )
 
 
-def _solid_arm() -> mujoco.MjSpec:
-    spec = mujoco.MjSpec.from_file(str(PANDA.model))
-    for solid in arm_figure():
-        geom = spec.body(PANDA.link_names[solid.frame]).add_geom()
+def _solid_arm(robot: Robot) -> mujoco.MjSpec:
+    spec = robot.spec()
+    for solid in robot.solids:
+        geom = spec.body(robot.frame_names[solid.frame]).add_geom()
         x, _, z = solid.half_size
         geom.type = _GEOM[SHAPES.index(solid.kind)]
         geom.size = [x, z, 0] if solid.kind == "cylinder" else solid.half_size
@@ -162,18 +163,26 @@ def _solid_arm() -> mujoco.MjSpec:
     return _lit(spec)
 
 
-def _mesh_arm(path: Path) -> mujoco.MjSpec:
-    """The arm with its visual meshes; with the collision meshes where the model has no others."""
+def _mesh_arm(robot: Robot, path: Path) -> mujoco.MjSpec:
+    """The arm with its visual meshes; with the collision meshes where the model has no others.
+
+    Joints beyond the arm's own, its fingers', are fixed where the robot's links say.
+    """
     spec = mujoco.MjSpec.from_file(str(path))
+    moved = {link.name: link.offset for link in robot.links if any(link.offset)}
     visual = [geom for geom in spec.geoms if geom.classname.name == "visual" or geom.group == 2]
     for geom in list(spec.geoms):
         if visual and geom not in visual:
             spec.delete(geom)
         elif not visual:
-            geom.rgba = [*(GREY if "finger" in geom.parent.name else WHITE), 1.0]
+            geom.rgba = [*(GREY if geom.parent.name in moved else WHITE), 1.0]
     for elements in (spec.tendons, spec.equalities, spec.actuators, spec.keys, spec.lights):
         for element in list(elements):
             spec.delete(element)
+    for joint in list(spec.joints)[robot.joints :]:
+        spec.delete(joint)
+    for name, offset in moved.items():
+        spec.body(name).pos = offset
     return _lit(spec)
 
 

@@ -9,15 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from drpbench.contract import CONTROL_PERIOD
-
-from .episode import Episode, RecordingError
-from .events import at_goal
+from .episode import Recording, RecordingError
 from .motion import Motion, motion
 from .stage import Stage
 
 FRAME_STRIDE, GRID_STRIDE = 2, 4  # control steps a frame: 30 and 15 frames a second, at true speed
-CONTROL_RATE = round(1 / CONTROL_PERIOD)  # [Hz]
 SIZE = (960, 720)  # [pixels] width and height of one episode's video
 GRID_SIZE = (1280, 960)  # at most
 
@@ -32,7 +28,7 @@ def suffix() -> str:
 
 def film(
     path: Path,
-    episode: Episode,
+    episode: Recording,
     size: tuple[int, int] = SIZE,
     advanced: Callable[[int, int], None] = lambda done, of: None,
 ) -> None:
@@ -41,7 +37,7 @@ def film(
 
     `advanced` is told of frames done. Raises RecordingError where nothing can be drawn or written.
     """
-    moved, stage = motion(episode), Stage(*size)
+    moved, stage = motion(episode), Stage(*size, episode.world.robot)
     instants = range(0, episode.instants, FRAME_STRIDE)
 
     def frames() -> Iterator[np.ndarray]:
@@ -51,23 +47,24 @@ def film(
             advanced(done + 1, len(instants))
 
     try:
-        write_video(path, frames(), size, CONTROL_RATE / FRAME_STRIDE)
+        write_video(path, frames(), size, _rate(episode) / FRAME_STRIDE)
     finally:
         stage.close()
 
 
 def film_grid(
     path: Path,
-    episodes: Sequence[Episode],
+    episodes: Sequence[Recording],
     size: tuple[int, int] = GRID_SIZE,
     advanced: Callable[[int, int], None] = lambda done, of: None,
 ) -> None:
-    """Writes one video of many episodes side by side, row by row. Each is framed: green while it is at
+    """Writes one video of many episodes of one arm side by side, row by row. Each is framed: green while it is at
     its goal, red from its first collision on. `size` is the most it may have in pixels."""
     columns = math.ceil(math.sqrt(len(episodes)))
     rows = math.ceil(len(episodes) / columns)
     width, height = (n // columns // 8 * 8 for n in size)
-    stage, moved = Stage(width, height), [motion(episode) for episode in episodes]
+    robot = episodes[0].world.robot
+    stage, moved = Stage(width, height, robot), [motion(episode) for episode in episodes]
     frames_of = [_frame_colors(each) for each in moved]
     instants = range(0, max(episode.instants for episode in episodes), GRID_STRIDE)
 
@@ -86,9 +83,14 @@ def film_grid(
 
     try:
         pixels = columns * width, rows * height
-        write_video(path, frames(), pixels, CONTROL_RATE / GRID_STRIDE)
+        write_video(path, frames(), pixels, _rate(episodes[0]) / GRID_STRIDE)
     finally:
         stage.close()
+
+
+def _rate(episode: Recording) -> int:
+    """Control steps a second."""
+    return round(1 / episode.world.episode.period)
 
 
 def _framed(picture: np.ndarray, color: Sequence[int] | np.ndarray) -> np.ndarray:
@@ -101,7 +103,7 @@ def _framed(picture: np.ndarray, color: Sequence[int] | np.ndarray) -> np.ndarra
 def _frame_colors(motion: Motion) -> np.ndarray:
     """(N, 3) uint8."""
     collided = np.logical_or.accumulate(motion.touching)[:, None]
-    good = np.where(at_goal(motion)[:, None], _AT_GOAL, _NEITHER)
+    good = np.where(motion.at_goal[:, None], _AT_GOAL, _NEITHER)
     return np.where(collided, _COLLIDED, good).astype(np.uint8)
 
 

@@ -9,13 +9,13 @@ from pathlib import PurePath
 
 import numpy as np
 
-from drpbench.contract import CONTROL_PERIOD, CONTROL_STEPS
+from drpbench.contract import EPISODE
 from drpbench.leaderboard import Leaderboard, wilson
 from drpbench.results import Result, Row
 
 from .recordings import Instance, Kept, gallery
 
-TIMES = np.arange(0, CONTROL_STEPS + 1, 10) * CONTROL_PERIOD  # [s]
+TIMES = np.arange(0, EPISODE.steps + 1, 10) * EPISODE.period  # [s]
 CLEARANCES = np.arange(-6, 21) / 100  # [m] edges of bins; the outermost bins are open
 ERRORS = np.logspace(-4, 0, 81)  # [m]
 
@@ -100,7 +100,7 @@ def cell(rows: Sequence[Row]) -> dict:
         "success": _rate([row.success for row in rows]),
         "families": [[name, *_rate(won)] for name, won in sorted(families.items())],
         # A time in a row is rounded to six digits, by less than a hundredth of a control step.
-        "times": np.searchsorted(to_stay, TIMES + 0.1 * CONTROL_PERIOD, side="right").tolist(),
+        "times": np.searchsorted(to_stay, TIMES + 0.1 * EPISODE.period, side="right").tolist(),
         "clearances": np.bincount(bins, minlength=len(CLEARANCES) + 1).tolist(),
         "errors": np.searchsorted(error, ERRORS, side="left").tolist(),
     }

@@ -17,6 +17,7 @@ from drpbench.recording.stage import Stage
 from drpbench.results import Result, ResultsError, Row
 from drpbench.results.names import trajectories_file
 from drpbench.results.trajectories import load_trajectories
+from drpbench.robot import Robot
 
 from .figures import reason
 from .recordings import Instance
@@ -64,7 +65,8 @@ def pictures(
     if not wanted:
         return {}
     choose_platform()  # before anything takes long
-    drawn, stage = {}, Stage(*DRAWN)
+    drawn: dict[Instance, str] = {}
+    stages: dict[Robot, Stage] = {}
     try:
         for (name, task), rows in wanted.items():
             advanced(f"drawing {name}, {task}")
@@ -80,10 +82,13 @@ def pictures(
                 moved = motion(replay.episode)
                 touching = np.flatnonzero(moved.touching)
                 instant = int(touching[0]) if touching.size else replay.episode.instants - 1
-                picture = stage.draw(replay.episode, moved, instant)
+                if (robot := replay.episode.world.robot) not in stages:
+                    stages[robot] = Stage(*DRAWN, robot)
+                picture = stages[robot].draw(replay.episode, moved, instant)
                 drawn[name, task, replay.row.id] = _address(picture)
     finally:
-        stage.close()
+        for stage in stages.values():
+            stage.close()
     return drawn
 
 

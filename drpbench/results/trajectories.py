@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from drpbench.results.names import batches_folder, trajectories_file
-from drpbench.rollout.batch import Trace
+from drpbench.rollout import Trace
 
 from .schema import ResultsError
 

@@ -8,3 +8,6 @@ from .link_poses import LinkPoses as LinkPoses
 from .link_poses import point_jacobian as point_jacobian
 from .robot import RealMeshes as RealMeshes
 from .robot import Robot as Robot
+from .solids import GREY as GREY
+from .solids import WHITE as WHITE
+from .solids import Solid as Solid

@@ -19,6 +19,7 @@ from drpbench.compile import short_loops_unrolled, stored
 
 from .body_points import BodyPoints, Link, read_points
 from .link_poses import LinkPoses, point_jacobian
+from .solids import Solid, balls
 
 method_compiled_once = partial(jax.jit, static_argnums=0, inline=True)
 """For methods of a `Robot`: a loop outside jit compiles them once, and inside jit they leave no trace."""
@@ -80,6 +81,8 @@ class Robot:
     base_radius: float
     """[m] about the base's axis within which the arm cannot step aside."""
     meshes: RealMeshes | None = None
+    figure: Callable[[], tuple[Solid, ...]] | None = None
+    """The arm as solids, to be drawn; without it its collision spheres are."""
 
     def __post_init__(self):
         for field in fields(self):
@@ -129,6 +132,17 @@ class Robot:
     @cached_property
     def link_names(self) -> tuple[str, ...]:
         return tuple(link.name for link in self.links)
+
+    @cached_property
+    def frame_names(self) -> tuple[str, ...]:
+        """Of each frame the link that it is named after: the first of those rigid in it."""
+        names = {link.frame: link.name for link in reversed(self.links)}
+        return tuple(names[frame] for frame in range(self.hand + 1))
+
+    @cached_property
+    def solids(self) -> tuple[Solid, ...]:
+        """What is drawn of the arm where its meshes are not at hand."""
+        return self.figure() if self.figure else balls(self.spheres)
 
     @cached_property
     def spheres(self) -> BodyPoints:

@@ -1,7 +1,7 @@
 """Episodes of a host policy: the world compiled step by step, the policy asked in between."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -9,86 +9,91 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.contract import CONTROL_STEPS, Observation, Policy, Problem
-from drpbench.envs import State, Task
+from drpbench.contract import Observation, Policy
+from drpbench.envs import State, World
 from drpbench.plugins.host import Failed, Hosted
 
-from .batch import LANES, Rollout, Trace, instance_key, record
+from . import step as one_world
+from .step import Record
 
+Advanced = Callable[[int], None]
+"""Is told of every few control steps done."""
 _TOLD = 20  # control steps between two signs of progress
 
 
-class HostRollout(Rollout):
-    """A host policy and a task. The policy sees the real instances, the world has `lanes` of them.
+class Answers:
+    """What a host policy answers in one run of `count` instances. Once it has failed it is not asked again."""
 
-    Where the policy fails, its arms stop where they are, the episode goes on without it, and the trace
-    says why in `failure`.
-    """
+    def __init__(self, policy: Hosted, count: int):
+        self.policy, self.count = policy, count
+        self.failure = ""
+        """Why it failed."""
 
-    def __init__(self, task: Task, policy: Hosted, seed: int = 0, lanes: int = LANES):
-        super().__init__(task, policy.shown, seed, lanes)
-        self.hosted = policy
-        self._show, self._step = jit(self._show_batch), jit(self._step_batch)
+    def reset(self, observation: Observation) -> None:
+        """Episodes begin. Raises PolicyError where a policy that hung cannot be made anew."""
+        self._ask(self.policy.reset, observation)
 
-    def run(self, problems: Problem, advanced: Callable[[int], None] = lambda steps: None) -> Trace:
-        self._count, self._failure = len(problems.id), ""
-        trace = super().run(problems, advanced)
-        return replace(trace, failure=self._failure)
+    def act(self, observation: Observation, joints: int) -> np.ndarray:
+        """Targets for every lane [rad], the instances again and again. Where there is none it is not a
+        number, which the world counts as failed."""
+        lanes = len(observation.joint_position)
+        targets = self._ask(self.policy.act, observation)
+        if targets is None:
+            return np.full((lanes, joints), np.nan, np.float32)
+        return targets[np.arange(lanes) % self.count]
 
-    def _episode(self, state: State, carry: Any, advanced: Callable[[int], None]) -> dict[str, Any]:
-        carry, first = carry
-        # What is handed out may be written on, and a second pass begins with the same.
-        self._ask(self.hosted.reset, jax.tree.map(jnp.copy, first))
-        chunks = []
-        for begin in range(0, CONTROL_STEPS, _TOLD):
-            chunk = []
-            for clock in range(begin, min(begin + _TOLD, CONTROL_STEPS)):
-                now = np.int32(clock)
-                seen, carry = self._show(self.policy, state, carry, now)
-                targets = self._ask(self.hosted.act, seen)
-                state, step = self._step(state, self._filled(targets), now)
-                chunk.append(step)
-            chunks += jax.device_get(chunk)
-            advanced(len(chunk))
-        joined = {name: np.stack([step[name] for step in chunks]) for name in chunks[0]}
-        return joined | {"state": state}
-
-    def _ask(self, question: Callable, observation: Observation) -> np.ndarray | None:
-        """The policy's answer; None once it has failed in this batch."""
-        if not self._failure:
+    def _ask(
+        self, question: Callable[[Observation, int], Any], observation: Observation
+    ) -> np.ndarray | None:
+        if not self.failure:
             try:
-                return question(observation, self._count)
+                return question(observation, self.count)
             except Failed as failed:
-                self._failure = str(failed)
+                self.failure = str(failed)
         return None
 
-    def _filled(self, targets: np.ndarray | None) -> np.ndarray:
-        """Targets for every lane; not a number where there is none, which the world counts as failed."""
-        if targets is None:
-            return np.full((self.lanes, 7), np.nan, np.float32)
-        return targets[np.arange(self.lanes) % self._count]
 
-    def _reset_batch(self, policy: Policy, problems: Problem):
-        state, carry, start_grip = super()._reset_batch(policy, problems)
-        first = jax.vmap(lambda state: self.world.observe(state, policy.privileged))(state)
-        return state, (carry, first), start_grip
-
-    def _show_batch(self, policy: Policy, state: State, carry: Any, clock: jax.Array):
-        def one(state, carry):
-            key = instance_key(self.seed, self.world.task.name, state.problem.id, 1)
-            observation = self.world.observe(state, policy.privileged)
-            return policy.act(observation, carry, jax.random.fold_in(key, clock))
-
-        seen, carry = jax.vmap(one)(state, carry)
-        # A copy: what jit returns unchanged would be the world's own memory, open to the policy's pen.
-        return jax.tree.map(jnp.copy, seen), carry
-
-    def _step_batch(self, state: State, targets: jax.Array, clock: jax.Array):
-        state, events = jax.vmap(self.world.step, in_axes=(0, 0, None))(state, targets, clock)
-        return state, jax.vmap(record)(state, events)
+def host_pass(
+    world: World, answers: Answers, seed: int, state: State, carry: Any, advanced: Advanced
+) -> tuple[Record, State]:
+    """As `device_pass`, with a policy outside jit: `carry` is that of what lies over it."""
+    shown, joints = answers.policy.shown, world.robot.joints
+    answers.reset(see(world, shown.privileged, state))
+    records: list[Any] = []
+    for begin in range(0, world.episode.steps, _TOLD):
+        chunk = []
+        for clock in range(begin, min(begin + _TOLD, world.episode.steps)):
+            now = np.int32(clock)
+            seen, carry = show(world, shown, seed, state, carry, now)
+            state, record = apply(world, state, answers.act(seen, joints), now)
+            chunk.append(record)
+        records += jax.device_get(chunk)
+        advanced(len(chunk))
+    return jax.tree.map(lambda *parts: np.stack(parts), *records), state
 
 
-def rollout_of(task: Task, policy: Policy | Hosted, seed: int = 0, lanes: int = LANES) -> Rollout:
-    """The rollout that a policy as `choose` gives it needs: inside jit, or step by step."""
-    kind = HostRollout if isinstance(policy, Hosted) else Rollout
-    return kind(task, policy, seed, lanes)
+@partial(jit, static_argnums=(0, 1))
+def see(world: World, privileged: bool, state: State) -> Observation:
+    """What a batch of worlds shows, in memory of its own: what is handed out may be written on."""
+    seen = jax.vmap(lambda state: world.observe(state, privileged))(state)
+    return jax.tree.map(jnp.copy, seen)
+
+
+@partial(jit, static_argnums=(0, 2))
+def show(
+    world: World, policy: Policy, seed: int, state: State, carry: Any, clock: jax.Array | np.int32
+) -> tuple[Observation, Any]:
+    """The same as what lies over the host policy makes of it, and what that carries."""
+    one = partial(one_world.act, world, policy, seed)
+    seen, carry = jax.vmap(one, in_axes=(0, 0, None))(state, carry, clock)
+    # A copy: what jit returns unchanged would be the world's own memory.
+    return jax.tree.map(jnp.copy, seen), carry
+
+
+@partial(jit, static_argnums=0)
+def apply(
+    world: World, state: State, targets: jax.Array | np.ndarray, clock: jax.Array | np.int32
+) -> tuple[State, Record]:
+    """A batch of worlds one control step later."""
+    one = partial(one_world.apply, world)
+    return jax.vmap(one, in_axes=(0, 0, None))(state, targets, clock)

@@ -2,4 +2,3 @@
 
 from .moment import Moment as Moment
 from .simulation import Simulation as Simulation
-from .simulation import Verdict as Verdict

@@ -10,7 +10,7 @@ import viser
 from drpbench.geometry import BOX, matrix_to_quaternion
 from drpbench.recording.mcap_file import MODIFIED
 from drpbench.recording.stage import CONTACT, FURNITURE, GHOST, MOVER, TABLE
-from drpbench.robot import PANDA
+from drpbench.robot import Robot
 
 from .furniture import Furniture
 from .moment import Frames, Moment
@@ -23,7 +23,6 @@ _TARGET = np.array(
 )  # [m] what the camera looks at, from behind the arm as in videos
 _DISTANCE, _AZIMUTH, _ELEVATION = 2.1, 48.0, -22.0  # [m], [deg]
 _APART = 0.006, 0.02  # [m], [rad] nearer than this, a ghost's link and the arm's are the same
-_HAND = 8
 
 Dragged = Callable[[str, int, np.ndarray, bool], None]
 """Is told what is dragged, `piece` or `box`, which, where to [m], and whether it is let go."""
@@ -48,10 +47,11 @@ class _Box:
 class Drawing:
     """What is seen of the world. `begin` with each new scene, then `show` its moments."""
 
-    def __init__(self, server: viser.ViserServer, dragged: Dragged):
+    def __init__(self, server: viser.ViserServer, robot: Robot, dragged: Dragged):
         self._server, self._scene, self._dragged = server, server.scene, dragged
+        self._robot = robot
         self._furnish_the_room()
-        self._arm = self._figure("/arm", lambda part: rgb(part), 1.0)
+        self._arm = self._figure("/arm", rgb, 1.0)
         self._ghost = self._figure("/goal", lambda part: rgb(GHOST), 0.32)
         self._modified = self._figure("/dcp_rmp/goal", lambda part: rgb(MODIFIED), 0.30)
         self._points = self._cloud("/points", _POINT)
@@ -142,10 +142,10 @@ class Drawing:
         ghost = opacity < 1.0
         frames = [
             self._scene.add_frame(f"{name}/{i}", show_axes=False, visible=not ghost)
-            for i in range(_HAND + 1)
+            for i in range(self._robot.hand + 1)
         ]
         meshes = {}
-        for number, ((frame, color), mesh) in enumerate(links().items()):
+        for number, ((frame, color), mesh) in enumerate(links(self._robot).items()):
             if ghost and frame < 2:
                 continue  # they stay, or turn, where the arm's are, and would flicker with them
             meshes[frame, color] = self._mesh(
@@ -221,17 +221,18 @@ class Drawing:
     def _show_arm(self, moment: Moment, touching: str | None) -> None:
         frames, meshes = self._arm
         _pose(frames, moment.arm)
-        now = PANDA.link_names[moment.link] if moment.clearance < 0.0 else touching
+        names = self._robot.link_names
+        now = names[moment.link] if moment.clearance < 0.0 else touching
         if now != self._red:
             self._red = now
-            frame = None if now is None else min(PANDA.link_names.index(now), _HAND)
+            frame = None if now is None else self._robot.links[names.index(now)].frame
             for (of, color), mesh in meshes.items():
                 mesh.color = rgb(CONTACT if of == frame else color)
         if now:
             self._touch.position = moment.contact_point
         _visible(self._touch, now is not None)
 
-    def _show_box(self, moment: Moment, i: int, box: "_Box") -> None:
+    def _show_box(self, moment: Moment, i: int, box: _Box) -> None:
         _visible(box.frame, bool(moment.box_active[i]))
         if not box.frame.visible:
             return
@@ -280,7 +281,7 @@ def _pose(frames, poses: Frames) -> None:
 
 
 def _apart(ghost: Frames, arm: Frames) -> np.ndarray:
-    """(9,) bool: links of a ghost that would not flicker with those of the arm."""
+    """(F,) bool: links of a ghost that would not flicker with those of the arm."""
     length, angle = _APART
     off = np.linalg.norm(ghost[0] - arm[0], axis=1)
     cosine = np.abs(np.sum(ghost[1] * arm[1], axis=1))  # of half the angle

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from drpbench.contract import REACH_ORIENTATION, REACH_POSITION, Policy
+from drpbench.contract import Policy, reached
 from drpbench.envs import State, World
 from drpbench.geometry import (
     matrix_to_quaternion,
@@ -19,10 +19,10 @@ from drpbench.geometry import (
 )
 from drpbench.perception.surface_cloud import shares
 from drpbench.policies import DcpRmp, Reaction
-from drpbench.robot import PANDA
+from drpbench.robot import Robot
 
 Frames = tuple[np.ndarray, np.ndarray]
-"""Positions (9, 3) [m] and quaternions (9, 4) wxyz of link0 to link7 and the hand."""
+"""Positions (F, 3) [m] and quaternions (F, 4) wxyz of the arm's frames, the base first and the hand last."""
 
 
 @jax.tree_util.register_dataclass
@@ -37,7 +37,7 @@ class Moment:
     position_error: np.ndarray  # () of grip to the goal
     orientation_error: np.ndarray  # ()
     clearance: np.ndarray  # () smallest distance of arm and obstacles now
-    link: np.ndarray  # () index into LINKS of the link it belongs to
+    link: np.ndarray  # () index into the arm's `link_names` of the link it belongs to
     contact_point: np.ndarray  # (3,) the obstacle's surface point nearest to that link
     box_half_size: np.ndarray  # (M, 3) of the task's boxes
     box_position: np.ndarray  # (M, 3)
@@ -54,8 +54,7 @@ class Moment:
     @property
     def reached(self) -> bool:
         """Whether the arm is at its goal now."""
-        near = self.position_error < REACH_POSITION
-        return bool(near and self.orientation_error < REACH_ORIENTATION)
+        return bool(reached(self.position_error, self.orientation_error))
 
     def points_of(self, box: int | None) -> tuple[np.ndarray, np.ndarray]:
         """The points (P, 3) on one of the task's boxes, or on the static scene, and which are seen (P,)."""
@@ -69,18 +68,18 @@ class Moment:
 def moment(world: World, policy: Policy, state: State, carry: Any) -> Moment:
     """What there is to see of a world, for `jit`; `carry` is what the policy would be given next."""
     observation = world.observe(state)
-    obstacles, model, problem = world.obstacles(state), PANDA.moving_spheres, state.problem
-    poses = PANDA.link_poses(state.joint_position)
+    robot, obstacles, problem = world.robot, world.obstacles(state), state.problem
+    model, poses = robot.moving_spheres, robot.link_poses(state.joint_position)
     centers = model.world(poses)
     gaps = signed_distance(centers, obstacles) - model.radius
     sphere = jnp.argmin(gaps)
     away, which = nearest(centers[sphere], obstacles)
-    position, rotation = PANDA.grip_pose(poses)
+    position, rotation = robot.grip_pose(poses)
     goal_rotation = quaternion_to_matrix(problem.goal_quaternion)
     reaction = policy.reaction(observation, carry) if isinstance(policy, DcpRmp) else None
     return Moment(
-        arm=_frames(state.joint_position),
-        goal=_frames(problem.goal),
+        arm=_frames(robot, state.joint_position),
+        goal=_frames(robot, problem.goal),
         goal_position=problem.goal_position,
         goal_quaternion=problem.goal_quaternion,
         position_error=jnp.linalg.norm(position - problem.goal_position),
@@ -96,10 +95,10 @@ def moment(world: World, policy: Policy, state: State, carry: Any) -> Moment:
         points=observation.scene_points,
         seen=observation.scene_mask,
         reaction=reaction,
-        modified=None if reaction is None else _frames(reaction.goal_joints),
+        modified=None if reaction is None else _frames(robot, reaction.goal_joints),
     )
 
 
-def _frames(joints: jax.Array) -> tuple[jax.Array, jax.Array]:
-    poses = PANDA.link_poses(joints)
+def _frames(robot: Robot, joints: jax.Array) -> tuple[jax.Array, jax.Array]:
+    poses = robot.link_poses(joints)
     return poses.position, matrix_to_quaternion(poses.rotation)

@@ -11,7 +11,6 @@ from typing import Any
 import rich
 import viser
 
-from drpbench.contract import CONTROL_PERIOD, CONTROL_STEPS
 from drpbench.errors import InputError
 
 from .drawing import Drawing
@@ -28,10 +27,10 @@ class Page:
 
     def __init__(self, simulation: Simulation, policy: str, host: str, port: int):
         """Serves from now on. Raises InputError where the address cannot be had."""
-        self._simulation = simulation
+        self._simulation, self._episode = simulation, simulation.world.episode
         self._wishes: queue.SimpleQueue[tuple[str, tuple[Any, ...]]] = queue.SimpleQueue()
         self._server = _server(host, port)
-        self._drawing = Drawing(self._server, self._dragged)
+        self._drawing = Drawing(self._server, simulation.world.robot, self._dragged)
         self._panel = Panel(self._server, simulation, policy, self._ask)
         self._drawing.handle.on_update(self._goal_dragged)
         self._playing, self._speed, self._note = False, 1.0, ""
@@ -172,17 +171,17 @@ class Page:
             if began - said >= _SAID:
                 self._say()
                 said = began
-            time.sleep(max(0.001, CONTROL_PERIOD / 2 - (time.monotonic() - began)))
+            time.sleep(max(0.001, self._episode.period / 2 - (time.monotonic() - began)))
 
     def _play(self, now: float, passed: float) -> None:
         """The control steps that are due, as far as there is time for them; a rehearsal as fast as can be."""
-        due = self._owed + passed * self._speed / CONTROL_PERIOD
+        due = self._owed + passed * self._speed / self._episode.period
         if self._simulation.rehearsing:
-            due = CONTROL_STEPS
+            due = self._episode.steps
         while due >= 1.0 and time.monotonic() - now < _FRAME:
             self._step()
             due -= 1.0
-            if self._simulation.clock == CONTROL_STEPS and not self._stopped_at_end:
+            if self._simulation.clock == self._episode.steps and not self._stopped_at_end:
                 self._playing, self._stopped_at_end = False, True  # to let the verdict be read
                 break
         self._owed = min(due, 1.0)  # what there was no time for is not made up for
@@ -191,7 +190,9 @@ class Page:
         began, clock = self._measured
         now, moment = time.monotonic(), self._simulation.look()
         if now - began >= 0.5:
-            self._pace = max(0, self._simulation.clock - clock) * CONTROL_PERIOD / (now - began)
+            self._pace = (
+                max(0, self._simulation.clock - clock) * self._episode.period / (now - began)
+            )
             self._measured = (now, self._simulation.clock)
         self._panel.say(self._simulation, moment, self._playing, self._pace, self._note)
 

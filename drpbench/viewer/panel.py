@@ -5,9 +5,6 @@ from html import escape
 import numpy as np
 import viser
 
-from drpbench.contract import CONTROL_PERIOD, CONTROL_STEPS
-from drpbench.robot import PANDA
-
 from .moment import Moment
 from .simulation import Simulation
 
@@ -30,7 +27,7 @@ class Panel:
     def __init__(self, server: viser.ViserServer, simulation: Simulation, policy: str, ask):
         gui, count = server.gui, simulation.problems.count
         self._ask, self._policy = ask, policy
-        self._task, self._families = simulation.task, simulation.problems.family
+        self._world, self._families = simulation.world, simulation.problems.family
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(32, 92, 200))
         gui.set_panel_label("drpbench view")
         self._verdict = gui.add_html("")
@@ -67,7 +64,9 @@ class Panel:
         if self._number.value != id:
             self._number.value = id
 
-    def say(self, simulation: Simulation, moment: Moment, playing: bool, pace: float, note: str):
+    def say(
+        self, simulation: Simulation, moment: Moment, playing: bool, pace: float, note: str
+    ) -> None:
         """The state of things. `pace` is how fast time goes, 1 in real time; `note` one line more."""
         if playing != self._playing:
             self._playing = playing
@@ -78,14 +77,17 @@ class Panel:
         if text != self._verdict.content:
             self._verdict.content = text
 
-    def _text(self, simulation, moment, playing, pace, note) -> str:
+    def _text(
+        self, simulation: Simulation, moment: Moment, playing: bool, pace: float, note: str
+    ) -> str:
         clearance, position = float(moment.clearance), float(moment.position_error)
         turn = float(np.degrees(moment.orientation_error))
-        seconds, whole = simulation.clock * CONTROL_PERIOD, CONTROL_STEPS * CONTROL_PERIOD
+        task, robot, episode = self._world.task, self._world.robot, self._world.episode
+        seconds, whole = simulation.clock * episode.period, episode.steps * episode.period
         time = f"{seconds:.2f} s of {whole:.1f} s"
         if playing:
             time += f" &nbsp;(x {pace:.1f})"
-        room = f"{100 * clearance:.1f} cm, {named(PANDA.link_names[moment.link])}"
+        room = f"{100 * clearance:.1f} cm, {named(robot.link_names[moment.link])}"
         family = self._families[simulation.id].replace("_", " ")
         rows = [
             ("time", time, _GREY),
@@ -106,8 +108,8 @@ class Panel:
         )
         return (
             f'<div style="padding:0.4em 1em 0.3em;font-size:0.9em;line-height:1.5">'
-            f"<div>{self._task.name} {simulation.id} with {escape(self._policy)}</div>"
-            f'<div style="color:{_GREY}">{escape(family)}, {escape(self._task.title)}</div>'
+            f"<div>{task.name} {simulation.id} with {escape(self._policy)}</div>"
+            f'<div style="color:{_GREY}">{escape(family)}, {escape(task.title)}</div>'
             f'<div style="font-weight:600;color:{color}">{escape(word)}</div>{lines}{notes}</div>'
         )
 
@@ -120,11 +122,12 @@ class Panel:
             return f"The policy failed: {simulation.failure}", _RED
         if not verdict.finite:
             return "The policy's answer, or the arm, is not a number", _RED
-        over = simulation.clock >= CONTROL_STEPS
+        over = simulation.clock >= self._world.episode.steps
         touched = "No contact"
         if verdict.collided:
-            when = verdict.first_collision_step * CONTROL_PERIOD
-            touched = f"Contact of {named(verdict.first_collision_link)} at {when:.2f} s"
+            when = verdict.first_collision_step * self._world.episode.period
+            link = simulation.first_collision_link or "arm"
+            touched = f"Contact of {named(link)} at {when:.2f} s"
         if over and not verdict.valid:
             return f"Over, not counted: the goal was never blocked. {touched}", _AMBER
         at_goal = verdict.reached if over else moment.reached

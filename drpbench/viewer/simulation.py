@@ -6,7 +6,8 @@ program of batch 1 (which may round differently in the seventh digit).
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -14,20 +15,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.compile import jit
-from drpbench.contract import (
-    CONTROL_PERIOD,
-    CONTROL_STEPS,
-    REACH_ORIENTATION,
-    REACH_POSITION,
-    Policy,
-)
-from drpbench.envs import TASKS, State, World
+from drpbench.contract import Observation, Policy, Problem, Verdict
+from drpbench.envs import State, World
 from drpbench.planning.pose_goals import nearest_goal
-from drpbench.plugins.host import Failed, Hosted
+from drpbench.plugins.host import Hosted
 from drpbench.policies import DcpRmp
 from drpbench.problems import ProblemSet
-from drpbench.robot import PANDA
-from drpbench.rollout.batch import instance_key, record, take
+from drpbench.rollout import instance_key, take
+from drpbench.rollout import step as one_world
+from drpbench.rollout.host import Answers
+from drpbench.rollout.keys import WORLD
+from drpbench.rollout.rehearsal import Rehearsal
+from drpbench.rollout.step import Record
 
 from .furniture import Furniture, with_room
 from .moment import Moment, moment
@@ -41,36 +40,13 @@ _BOX_PLACES = np.array(
 )  # [m] where they may be put
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """What a result's row would say, had the episode ended now."""
-
-    steps: int
-    """Control steps judged; an episode has CONTROL_STEPS."""
-    reached: bool
-    collided: bool
-    first_collision_step: int | None
-    first_collision_link: str | None
-    finite: bool
-    valid: bool
-    """GB: whether the goal has been blocked. An episode in which it never was is not counted."""
-
-    @property
-    def success(self) -> bool:
-        return self.reached and not self.collided
-
-
 class Simulation:
-    """A policy in one task of the benchmark. `open` a problem, then `step`."""
+    """A policy in a world, and numbered problems of its task. `open` one, then `step`."""
 
-    def __init__(self, task: str, policy: Policy | Hosted, problems: ProblemSet, seed: int = 0):
-        self.task, self.problems, self.seed = TASKS[task], problems, seed
-        self.world = World(self.task)
+    def __init__(self, world: World, policy: Policy | Hosted, problems: ProblemSet, seed: int = 0):
+        self.world, self.task, self.problems, self.seed = world, world.task, problems, seed
         self._hosted = policy if isinstance(policy, Hosted) else None
-        self._policy = policy.shown if self._hosted else policy
-        self._reset, self._solve = jit(self._reset_world), jit(nearest_goal)
-        self._act, self._step = jit(self._act_once), jit(self._step_world)
-        self._advance, self._see = jit(self._act_and_step), jit(self._look)
+        self._policy = policy.shown if isinstance(policy, Hosted) else policy
         self.reacts = isinstance(self._policy, DcpRmp)
         """Whether there is a modified goal to be seen."""
         self.id = 0
@@ -81,11 +57,14 @@ class Simulation:
         Raises ProblemSetError for a number that is not there.
         """
         self.problems.to_json(id)  # says what is wrong with the number
-        self.id, self._path = id, []
-        self._first = with_room(
+        self.id = id
+        problem = with_room(
             jax.tree.map(lambda leaf: np.asarray(leaf)[0, ...], take(self.problems, [id]))
         )
-        self.rehearsing = self.task.rehearsed
+        first, self._first_carry, self._first_seen = _begin(
+            self.world, self._policy, self.seed, problem
+        )
+        self._rehearsal = Rehearsal(self.world, first)
         self._begin()
 
     def compile(self, id: int) -> Iterator[str]:
@@ -103,84 +82,67 @@ class Simulation:
 
     def reset(self) -> None:
         """The same problem from its start, as it was; a rehearsal that is done is not done again."""
-        if self.rehearsing:
-            self._path = []
+        self._rehearsal.restart()
         self._begin()
 
+    @property
+    def rehearsing(self) -> bool:
+        """Whether this is SAO's first pass, which is not judged."""
+        return self._rehearsal.on
+
     def _begin(self) -> None:
-        state, self._carry, shown = self._reset(self._policy, self._first)
-        if self.task.rehearsed and not self.rehearsing:
-            path = jnp.asarray(np.stack(self._path))
-            state = replace(state, memory=self.task.second_pass(state.memory, path))
-        self._state: State = state
-        self.furniture = Furniture(state, instance_key(self.seed, self.task.name, self.id, 0))
-        self.clock, self.edited, self.failure = 0, False, ""
-        self._finite, self._collision, self._reached = True, None, False
+        self._state, self._carry = self._rehearsal.first, self._first_carry
+        key = instance_key(self.seed, self.task.name, self.id, WORLD)
+        self.furniture = Furniture(self._state, key)
+        self.clock, self.edited = 0, False
+        self.verdict = Verdict.begin()
+        """Of the episode so far; it stays what it is once its steps have passed."""
+        self.first_collision_link: str | None = None
         self.touching: str | None = None
         """The link that touched something in the last control step."""
-        self._valid = bool(self.task.valid(state.memory))
         self._wanted: dict[tuple[str, int], tuple[np.ndarray, bool]] = {}
-        if self._hosted:
-            self._ask(self._hosted.reset, shown)
+        self._answers = Answers(self._hosted, 1) if self._hosted else None
+        if self._answers:
+            self._answers.reset(jax.tree.map(jnp.copy, self._first_seen))
+
+    @property
+    def failure(self) -> str:
+        """Why the host policy gave no answer in this episode, if it did not."""
+        return self._answers.failure if self._answers else ""
 
     # -- the course of time --
 
     def step(self) -> None:
         """One control step, 1/60 s; what is being dragged follows. A rehearsal ends in a new beginning."""
-        clock = np.int32(self.clock)
-        if self._hosted:
-            shown, self._carry = self._act(self._policy, self._state, self._carry, clock)
-            target = self._ask(self._hosted.act, shown)
-            target = np.full(7, np.nan, np.float32) if target is None else target[0]
-            self._state, step = self._step(self._state, target, clock)
+        world, robot, clock = self.world, self.world.robot, np.int32(self.clock)
+        if self._answers:
+            shown, self._carry = _show(
+                world, self._policy, self.seed, self._state, self._carry, clock
+            )
+            (target,) = self._answers.act(shown, robot.joints)
+            self._state, step = _apply(world, self._state, target, clock)
         else:
-            self._state, self._carry, step = self._advance(
-                self._policy, self._state, self._carry, clock
+            self._state, self._carry, step = _step(
+                world, self._policy, self.seed, self._state, self._carry, clock
             )
         self.clock += 1
         step = jax.device_get(step)
-        link = PANDA.link_names[PANDA.moving_spheres.link[step["sphere"]]]
-        self.touching = link if step["clearance"] < 0.0 else None
-        if self.clock <= CONTROL_STEPS:
-            self._judge(step)
+        link = robot.link_names[robot.moving_spheres.link[step.sphere]]
+        self.touching = link if step.clearance < 0.0 else None
+        if clock < world.episode.steps:
+            self._judge(step, clock)
         # Last, so that what is seen now is what the policy will be shown.
-        self._follow(FOLLOW_SPEED * CONTROL_PERIOD)
-        if self.rehearsing and self.clock == CONTROL_STEPS:
-            self.rehearsing = False
+        self._follow(FOLLOW_SPEED * world.episode.period)
+        if self.rehearsing and self.clock == world.episode.steps:
+            self._rehearsal.end()
             self._begin()
 
-    def _judge(self, step: dict[str, np.ndarray]) -> None:
-        if self.rehearsing:
-            self._path.append(step["grip_position"])
-        self._finite &= bool(step["finite"]) and not self.failure
-        near = step["position_error"] < REACH_POSITION
-        self._reached = bool(near and step["orientation_error"] < REACH_ORIENTATION)
-        if self.touching and self._collision is None:
-            self._collision = (self.clock - 1, self.touching)
-        self._valid = bool(self.task.valid(self._state.memory))
-
-    @property
-    def verdict(self) -> Verdict:
-        """Of the episode so far; it stays what it is once CONTROL_STEPS have passed."""
-        step, link = self._collision or (None, None)
-        return Verdict(
-            steps=min(self.clock, CONTROL_STEPS),
-            reached=self._reached and self._finite,
-            collided=self._collision is not None,
-            first_collision_step=step,
-            first_collision_link=link,
-            finite=self._finite,
-            valid=self._valid,
-        )
-
-    def _ask(self, question, shown) -> np.ndarray | None:
-        """A host policy's answer; None once it has failed in this episode."""
-        if not self.failure:
-            try:
-                return question(shown, 1)
-            except Failed as failed:
-                self.failure = str(failed)
-        return None
+    def _judge(self, step: Record, clock: np.int32) -> None:
+        self._rehearsal.note(np.asarray(step.grip_position))
+        valid = np.bool_(self.task.valid(self._state.memory))
+        self.verdict = self.verdict.after(step, valid, clock)
+        if self.verdict.first_collision_step == clock:
+            self.first_collision_link = self.touching
 
     # -- things moved --
 
@@ -269,45 +231,43 @@ class Simulation:
         """The goal as joints (7,) [rad]."""
         return jnp.asarray(self._state.problem.goal)
 
-    def _nearest_goal(self, position: jax.Array, quaternion: jax.Array):
+    def _nearest_goal(
+        self, position: jax.Array, quaternion: jax.Array
+    ) -> tuple[jax.Array, jax.Array]:
         problem = self._state.problem
-        return self._solve(problem.obstacles, problem.goal, position, quaternion, jax.random.key(0))
+        return _solve(problem.obstacles, problem.goal, position, quaternion, jax.random.key(0))
 
     # -- what there is to see --
 
     def look(self) -> Moment:
         """The world as it is now."""
-        return jax.device_get(self._see(self._policy, self._state, self._carry))
-
-    # -- compiled --
-
-    def _reset_world(self, policy: Policy, problem):
-        key = instance_key(self.seed, self.task.name, problem.id, 0)
-        state = self.world.reset(jax.tree.map(jnp.asarray, problem), key)
-        observation = self.world.observe(state, policy.privileged)
-        return state, policy.init(observation), _batch_of_one(observation)
-
-    def _act_and_step(self, policy: Policy, state: State, carry: Any, clock: jax.Array):
-        target, carry = self._answer(policy, state, carry, clock)
-        state, step = self._step_world(state, target, clock)
-        return state, carry, step
-
-    def _answer(self, policy: Policy, state: State, carry: Any, clock: jax.Array):
-        key = instance_key(self.seed, self.task.name, state.problem.id, 1)
-        observation = self.world.observe(state, policy.privileged)
-        return policy.act(observation, carry, jax.random.fold_in(key, clock))
-
-    def _act_once(self, policy: Policy, state: State, carry: Any, clock: jax.Array):
-        shown, carry = self._answer(policy, state, carry, clock)
-        return _batch_of_one(shown), carry
-
-    def _step_world(self, state: State, target: jax.Array, clock: jax.Array):
-        state, events = self.world.step(state, target, clock)
-        return state, record(state, events)
-
-    def _look(self, policy: Policy, state: State, carry: Any) -> Moment:
-        return moment(self.world, policy, state, carry)
+        return jax.device_get(_look(self.world, self._policy, self._state, self._carry))
 
 
-def _batch_of_one(observation):
+_step = jit(one_world.step, static_argnums=(0, 2))
+_apply = jit(one_world.apply, static_argnums=0)
+_look = jit(moment, static_argnums=0)
+_solve = jit(nearest_goal)
+
+
+@partial(jit, static_argnums=(0, 2))
+def _begin(
+    world: World, policy: Policy, seed: int, problem: Problem
+) -> tuple[State, Any, Observation]:
+    """The state, what the policy carries, and what it saw, as a batch of one."""
+    problem = jax.tree.map(jnp.asarray, problem)
+    state, carry, seen = one_world.begin(world, policy, seed, problem)
+    return state, carry, _batch_of_one(seen)
+
+
+@partial(jit, static_argnums=(0, 2))
+def _show(
+    world: World, policy: Policy, seed: int, state: State, carry: Any, clock: np.int32
+) -> tuple[Observation, Any]:
+    """What lies over the host policy makes of what it sees, as a batch of one."""
+    shown, carry = one_world.act(world, policy, seed, state, carry, clock)
+    return _batch_of_one(shown), carry
+
+
+def _batch_of_one(observation: Observation) -> Observation:
     return jax.tree.map(lambda leaf: leaf[None], observation)

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 from drpbench.geometry import BOX, CYLINDER, SHAPES, SPHERE
-from drpbench.recording.figure import arm_figure
+from drpbench.robot import Robot
 
 Mesh = tuple[np.ndarray, np.ndarray]
 """Vertices (V, 3) [m] and triangles (F, 3), outsides counter-clockwise. Sharp edges have their vertices twice."""
@@ -80,10 +80,10 @@ def joined(meshes: list[Mesh]) -> Mesh:
 
 
 @cache
-def links() -> dict[tuple[int, tuple[float, float, float]], Mesh]:
-    """The arm's solids in their frames (0..7 link0 to link7, 8 the hand): one mesh a frame and colour."""
-    parts: dict = {}
-    for piece in arm_figure():
+def links(robot: Robot) -> dict[tuple[int, tuple[float, float, float]], Mesh]:
+    """The arm's solids in their frames, 0 the base and the last one the hand: one mesh a frame and colour."""
+    parts: dict[tuple[int, tuple[float, float, float]], list[Mesh]] = {}
+    for piece in robot.solids:
         vertices, faces = solid(SHAPES.index(piece.kind), piece.half_size)
         placed = _turned(vertices, piece.quaternion) + piece.position
         parts.setdefault((piece.frame, piece.color), []).append((placed, faces))

@@ -6,19 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drpbench.contract import CONTROL_PERIOD
+from drpbench.contract import EPISODE
+from drpbench.envs import TASKS, World
 from drpbench.evaluation.metrics import rows, sparc
 from drpbench.geometry import FAR
 from drpbench.results import Row
 from drpbench.robot import PANDA
-from drpbench.rollout.batch import Trace
+from drpbench.rollout import Trace
 
 STEPS = 100
 FINGER = int(np.argmax(PANDA.moving_spheres.link == PANDA.link_names.index("left_finger")))
 FOREARM = int(np.argmax(PANDA.moving_spheres.link == PANDA.link_names.index("link5")))
 
 
-def trace(**changed):
+def trace(task="FDO", **changed):
     """One arm that never moves, at its goal, 10 cm from everything; changed as told, (T, ...)
     arrays."""
     still = {
@@ -43,11 +44,12 @@ def trace(**changed):
     }
     assert set(changed) <= set(still) | set(once)
     over_time = {name: np.asarray(changed.get(name, a))[:, None] for name, a in still.items()}
-    return Trace(**over_time, **{n: np.asarray(changed.get(n, a))[None] for n, a in once.items()})
+    at_once = {name: np.asarray(changed.get(name, a))[None] for name, a in once.items()}
+    return Trace(world=World(TASKS[task]), **over_time, **at_once)
 
 
 def row(**changed):
-    (found,) = rows("FDO", [7], ["box"], trace(**changed))
+    (found,) = rows([7], ["box"], trace(**changed))
     assert Row.model_validate_json(found.model_dump_json()) == found
     return found
 
@@ -74,7 +76,7 @@ def test_an_arm_that_rests_at_its_goal():
     assert found.first_collision_step is None and found.first_collision_link is None
     assert found.min_clearance == pytest.approx(0.1)
     assert found.position_error == found.orientation_error == 0.0
-    assert found.time_to_goal == pytest.approx(CONTROL_PERIOD, rel=1e-5)
+    assert found.time_to_goal == pytest.approx(EPISODE.period, rel=1e-5)
     assert found.joint_path_length == found.ee_path_length == 0.0
     assert found.sparc_joint is None and found.sparc_ee is None
 
@@ -113,7 +115,7 @@ def test_time_to_goal_is_from_when_the_goal_stays_reached():
     errors = over_time(_0=0.5, _20=0.001, _30=0.02, _40=0.001)
     found = row(position_error=errors)
     # The 41st step, number 40, is the first of those that stay.
-    assert found.time_to_goal == pytest.approx(41 * CONTROL_PERIOD, rel=1e-5)
+    assert found.time_to_goal == pytest.approx(41 * EPISODE.period, rel=1e-5)
 
 
 def test_the_first_collision_is_named():
@@ -194,21 +196,22 @@ def test_an_episode_that_was_no_instance_is_marked():
 
 
 def test_rows_are_in_the_order_of_the_ids():
-    near, far = trace(), trace(position_error=np.full(STEPS, 0.3))
+    near, far = trace("GB"), trace("GB", position_error=np.full(STEPS, 0.3))
     both = Trace(
+        world=near.world,
         **{
             name: np.concatenate([value, getattr(far, name)], axis=1 if name in _TIMED else 0)
             for name, value in vars(near).items()
-            if name != "failure"
-        }
+            if name not in ("world", "failure")
+        },
     )
-    first, second = rows("GB", [9, 4], ["table", "box"], both)
-    assert (first.id, first.family, first.reached) == (9, "table", True)
+    first, second = rows([9, 4], ["table", "box"], both)
+    assert (first.task, first.id, first.family, first.reached) == ("GB", 9, "table", True)
     assert (second.id, second.family, second.reached) == (4, "box", False)
 
 
 def test_a_policy_that_failed_never_reached():
-    (row,) = rows("GB", [9], ["table"], replace(trace(), failure="raised: ValueError: no"))
+    (row,) = rows([9], ["table"], replace(trace(), failure="raised: ValueError: no"))
     assert row.status == "raised: ValueError: no"
     assert not row.reached and not row.success and not row.reached_5cm and row.time_to_goal is None
 

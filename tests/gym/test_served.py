@@ -5,12 +5,12 @@ import jax
 import numpy as np
 import pytest
 
-from drpbench.envs import TASKS
+from drpbench.envs import TASKS, World
 from drpbench.geometry import signed_distance
 from drpbench.gym.served import Frozen, Training
 from drpbench.problems import load
 from drpbench.robot import PANDA
-from drpbench.rollout.batch import instance_key
+from drpbench.rollout import instance_key
 
 # Numbers 1 and 10 have a box on their goal, so that 2 and 11 stand for them; 25 is on the bare
 # table.
@@ -19,7 +19,7 @@ IDS = [*range(11), 25]
 
 @pytest.fixture(scope="module")
 def training():
-    return {name: Training(TASKS[name]).take(IDS) for name in ("FDO", "DGB")}
+    return {name: Training(World(TASKS[name])).take(IDS) for name in ("FDO", "DGB")}
 
 
 @jax.jit
@@ -73,4 +73,4 @@ def test_no_problem_is_one_of_the_benchmarks(training, task):
 
 def test_a_number_that_there_is_not_is_refused():
     with pytest.raises(ValueError, match="no training problem -1; ids go from 0 to 2147483647"):
-        Training(TASKS["SE"]).require([0, -1])
+        Training(World(TASKS["SE"])).require([0, -1])

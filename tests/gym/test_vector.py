@@ -8,7 +8,7 @@ from gymnasium.utils import env_checker
 from gymnasium.vector import AutoresetMode
 
 import drpbench.gym  # noqa: F401 - registers the environments
-from drpbench.contract import CONTROL_STEPS, Observation
+from drpbench.contract import EPISODE, Episode, Observation
 from drpbench.plugins.registry import choose
 from drpbench.problems import load as load_problems
 from drpbench.results import load
@@ -35,12 +35,12 @@ def driven(envs, ids=None, policy="straight"):
     observation, info = envs.reset(options=None if ids is None else {"id": ids})
     rewards = np.zeros(envs.num_envs)
     first_collision = np.full(envs.num_envs, -1)
-    for step in range(CONTROL_STEPS):
+    for step in range(EPISODE.steps):
         observation, reward, terminated, truncated, info = envs.step(act(observation))
         rewards += reward
         first_collision[(first_collision < 0) & info["collided"]] = step
         assert not terminated.any()
-        assert truncated.all() == truncated.any() == (step == CONTROL_STEPS - 1)
+        assert truncated.all() == truncated.any() == (step == EPISODE.steps - 1)
     return observation, rewards, first_collision, info
 
 
@@ -89,8 +89,9 @@ def test_so_it_has_in_the_other_tasks(task, policy):
     same_outcome(rows, driven(envs, [row.id for row in rows], policy))
 
 
-def test_a_step_after_the_last_one_is_refused_until_a_reset(envs, monkeypatch):
-    monkeypatch.setattr("drpbench.gym.lanes.CONTROL_STEPS", 2)
+def test_a_step_after_the_last_one_is_refused_until_a_reset():
+    short = Episode(steps=2)
+    envs = gymnasium.make_vec("drpbench/SE-v1", num_envs=LANES, episode=short)
     observation, _ = envs.reset(seed=0)
     for last in (False, True):
         *_, truncated, _ = envs.step(observation["joint_position"])

@@ -14,7 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drpbench.envs import TASKS
+from drpbench.contract import Episode
+from drpbench.envs import TASKS, World
 from drpbench.evaluation.metrics import rows
 from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.host import Failed, Hosted, answered
@@ -22,9 +23,9 @@ from drpbench.plugins.registry import choose
 from drpbench.policies import DcpRmp, Straight
 from drpbench.problems import load
 from drpbench.robot import PANDA
-from drpbench.rollout import Rollout
-from drpbench.rollout.batch import take
-from drpbench.rollout.host import HostRollout
+from drpbench.rollout import Rollout, take
+from drpbench.rollout.batch import begin
+from drpbench.rollout.host import apply, show
 
 pytestmark = pytest.mark.slow
 
@@ -34,7 +35,9 @@ def hosted(policy, build, **settings):
     return Hosted(policy, build, over=DcpRmp, **settings)
 
 
-STEPS, LANES, IDS = 40, 4, [100, 0, 7]
+LANES, IDS = 4, [100, 0, 7]
+STEPS = 340  # the boxes of FDO are gone 300 control steps before the end
+WORLD = World(TASKS["FDO"], episode=Episode(STEPS))
 
 
 class Blind:
@@ -63,23 +66,13 @@ class At(Blind):
 
 
 @pytest.fixture(scope="module")
-def rollout():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("drpbench.rollout.host.CONTROL_STEPS", STEPS)
-        patch.setattr("drpbench.rollout.batch.CONTROL_STEPS", STEPS)
-        patch.setattr("drpbench.rollout.batch._CHUNK", STEPS)
-        yield HostRollout(TASKS["FDO"], hosted(Blind(), Blind), lanes=LANES)
-
-
-@pytest.fixture(scope="module")
-def play(rollout):
-    """Runs a host policy on problems, in the world that is compiled already."""
+def play():
+    """Runs a host policy on problems; it is compiled once for all of them."""
 
     def run(policy, ids=IDS):
-        rollout.hosted, rollout.policy = policy, policy.shown
         problems = load("FDO")
-        trace = rollout.run(take(problems, ids))
-        return trace, rows("FDO", ids, [problems.family[id] for id in ids], trace)
+        trace = Rollout(WORLD, policy, lanes=LANES).run(take(problems, ids))
+        return trace, rows(ids, [problems.family[id] for id in ids], trace)
 
     return run
 
@@ -122,7 +115,7 @@ def test_a_host_policy_sees_the_real_instances_at_every_step(sound):
 
 def test_host_and_jax_policies_go_the_same_way_under_dcp_rmp(sound):
     trace, _, seen = sound
-    jitted = Rollout(TASKS["FDO"], DcpRmp(Straight()), lanes=LANES).run(take(load("FDO"), IDS))
+    jitted = Rollout(WORLD, DcpRmp(Straight()), lanes=LANES).run(take(load("FDO"), IDS))
     for name in ("joint_position", "grip_position", "clearance", "mover_position"):
         # Later on DCP-RMP turns to another sphere a step sooner or later, and rounding is
         # amplified.
@@ -134,7 +127,7 @@ def test_host_and_jax_policies_go_the_same_way_under_dcp_rmp(sound):
     assert away[1] > 0.1 and (away[[0, 2]] == 0.0).all()
 
 
-def test_what_is_handed_out_is_not_the_worlds_memory(rollout, play, sound):
+def test_what_is_handed_out_is_not_the_worlds_memory(play, sound):
     """A policy that scribbles over everything it gets changes nothing but its own copy."""
 
     class Scribbles(Blind):
@@ -150,9 +143,10 @@ def test_what_is_handed_out_is_not_the_worlds_memory(rollout, play, sound):
     np.testing.assert_array_equal(trace.joint_position, sound[0].joint_position)
     # PyTorch writes on JAX's own memory: none of it may belong to the world, or be there twice.
     batch = jax.tree.map(jnp.asarray, take(load("FDO"), [0, 1, 2, 3]))
-    state, (carry, _), _ = rollout._reset(rollout.policy, batch)
+    shown = hosted(Blind(), Blind).shown
+    state, carry, _ = begin(WORLD, shown, 0, batch)
     for clock in range(2):
-        seen, carry = rollout._show(rollout.policy, state, carry, np.int32(clock))
+        seen, carry = show(WORLD, shown, 0, state, carry, np.int32(clock))
         owned = [
             leaf.unsafe_buffer_pointer()
             for leaf in jax.tree.leaves((state, carry))
@@ -160,7 +154,7 @@ def test_what_is_handed_out_is_not_the_worlds_memory(rollout, play, sound):
         ]
         shown = [leaf.unsafe_buffer_pointer() for leaf in jax.tree.leaves(seen)]
         assert len(set(shown)) == len(shown) and not set(shown) & set(owned)
-        state, _ = rollout._step(state, np.zeros((LANES, 7), np.float32), np.int32(clock))
+        state, _ = apply(WORLD, state, np.zeros((LANES, 7), np.float32), np.int32(clock))
 
 
 def broken(answer):

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from drpbench.envs import TASKS
+from drpbench.envs import TASKS, World
 from drpbench.evaluation.metrics import rows
 from drpbench.evaluation.run import versions
 from drpbench.plugins.registry import parameters
@@ -13,8 +13,7 @@ from drpbench.problems import load
 from drpbench.recording import traced
 from drpbench.results import Header, Result
 from drpbench.results.trajectories import Trajectories
-from drpbench.rollout import Rollout
-from drpbench.rollout.batch import take
+from drpbench.rollout import Rollout, take
 
 IDS = [3, 17, 150]
 SEED = 5
@@ -25,15 +24,15 @@ def rolled():
     """The blind straight line under DCP-RMP on three problems of FDO: ids, trace, rows,
     episodes."""
     policy, problems = DcpRmp(Straight()), load("FDO")
-    trace = Rollout(TASKS["FDO"], policy, SEED, lanes=len(IDS)).run(take(problems, IDS))
+    trace = Rollout(World(TASKS["FDO"]), policy, SEED, lanes=len(IDS)).run(take(problems, IDS))
     return SimpleNamespace(
         ids=IDS,
         seed=SEED,
         trace=trace,
         policy=policy,
         problems=problems,
-        rows=rows("FDO", IDS, [problems.family[i] for i in IDS], trace),
-        episodes=[traced("FDO", id, problems, SEED, trace, b) for b, id in enumerate(IDS)],
+        rows=rows(IDS, [problems.family[i] for i in IDS], trace),
+        episodes=[traced(id, problems, SEED, trace, b) for b, id in enumerate(IDS)],
     )
 
 

@@ -65,7 +65,7 @@ def test_boxes_are_where_the_trace_has_them(files, rolled):
     for b, (found, _) in enumerate(files):
         own = [m for _, m in found["/tf"] if m.transforms[0].child_frame_id == "link0"]
         frames = [t.child_frame_id for t in own[0].transforms]
-        assert frames == [*PANDA.link_names[:9], "box0", "box1", "box2"]
+        assert frames == [*PANDA.frame_names, "box0", "box1", "box2"]
         for k in (1, 400, 1000):
             for box, t in enumerate(own[k].transforms[9:]):
                 place = rolled.trace.mover_position[k - 1, b, box]

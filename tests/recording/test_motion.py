@@ -39,7 +39,7 @@ def test_the_contact_point_is_on_the_obstacle_beside_the_link(rolled):
     for found in rolled.episodes:
         seen = motion(found)
         for instant in np.flatnonzero(seen.touching):
-            frame = min(seen.link[instant], len(PANDA.link_names) - 3)
+            frame = PANDA.links[seen.link[instant]].frame
             assert (
                 np.linalg.norm(seen.contact_point[instant] - seen.link_position[instant, frame])
                 < 0.4
@@ -83,7 +83,7 @@ def test_an_episode_that_stops_being_finite_ends_before(rolled):
     arrays = _arrays(rolled)
     arrays["joint_position"] = arrays["joint_position"].copy()
     arrays["joint_position"][500:] = np.nan
-    found = episode("FDO", rolled.ids[0], rolled.problems, rolled.seed, arrays)
+    found = episode(rolled.trace.world, rolled.ids[0], rolled.problems, rolled.seed, arrays)
     assert found.instants == 500 and len(found.boxes.active) == 500
     assert np.isfinite(motion(found).clearance).all()
 
@@ -101,4 +101,4 @@ def test_damaged_recordings_are_refused(rolled, damage, said):
     arrays = _arrays(rolled)
     damage(arrays)
     with pytest.raises(RecordingError, match=said):
-        episode("FDO", rolled.ids[0], rolled.problems, rolled.seed, arrays)
+        episode(rolled.trace.world, rolled.ids[0], rolled.problems, rolled.seed, arrays)

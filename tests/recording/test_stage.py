@@ -19,10 +19,7 @@ except RecordingError as error:
 def stage(request):
     if request.param == "meshes" and PANDA.meshes.find() is None:
         pytest.skip("no meshes")
-    with pytest.MonkeyPatch.context() as patch:
-        if request.param == "solids":
-            patch.setattr("drpbench.recording.stage.find_mesh_model", lambda: None)
-        made = Stage(240, 180)
+    made = Stage(240, 180, PANDA, real=request.param == "meshes")
     yield made
     made.close()
 
@@ -120,7 +117,7 @@ def test_osmesa_is_taken_where_egl_fails(monkeypatch):
 @pytest.mark.skipif(PANDA.meshes.find() is None, reason=PANDA.meshes.absent)
 def test_fingers_that_can_move_are_drawn_open(rolled):
     """As the spheres have them: each 4 cm from the middle."""
-    made, episode = Stage(64, 48, PANDA.meshes.find()), rolled.episodes[0]
+    made, episode = Stage(64, 48, PANDA), rolled.episodes[0]
     made.draw(episode, motion(episode), 0)
     made.close()
     left, right = (made._data.body(f"{side}_finger").xpos for side in ("left", "right"))

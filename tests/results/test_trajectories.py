@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from drpbench.envs import TASKS, World
 from drpbench.results import ResultsError
 from drpbench.results.trajectories import Trajectories, load_trajectories
-from drpbench.rollout.batch import Trace
+from drpbench.rollout import Trace
 
 STEPS, MOVERS = 5, 2
 
@@ -30,6 +31,7 @@ def trace(count: int, seed: int) -> Trace:
     }
     once = {"start": (7,), "start_grip": (3,), "valid": ()}
     return Trace(
+        world=World(TASKS["FDO"]),
         **{name: rng.random((STEPS, count, *shape), np.float32) for name, shape in steps.items()},
         **{name: rng.random((count, *shape), np.float32) for name, shape in once.items()},
     )

@@ -15,7 +15,7 @@ import pytest
 from drpbench.compile import jit
 from drpbench.envs import TASKS, World
 from drpbench.problems import load
-from drpbench.rollout.batch import instance_key, take
+from drpbench.rollout import instance_key, take
 
 pytestmark = pytest.mark.slow
 

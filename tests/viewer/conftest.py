@@ -2,6 +2,7 @@
 
 import pytest
 
+from drpbench.envs import TASKS, World
 from drpbench.policies import DcpRmp, Straight
 from drpbench.problems import load
 from drpbench.viewer import Simulation
@@ -11,7 +12,7 @@ FURNISHED = 23  # a problem of FDO with a cardboard box on the table
 
 @pytest.fixture(scope="session")
 def compiled():
-    simulation = Simulation("FDO", DcpRmp(Straight()), load("FDO"))
+    simulation = Simulation(World(TASKS["FDO"]), DcpRmp(Straight()), load("FDO"))
     list(simulation.compile(FURNISHED))
     return simulation
 

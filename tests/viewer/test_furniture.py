@@ -9,7 +9,7 @@ from drpbench.compile import jit
 from drpbench.envs import TASKS, World
 from drpbench.geometry import signed_distance
 from drpbench.problems import load
-from drpbench.rollout.batch import instance_key, take
+from drpbench.rollout import instance_key, take
 from drpbench.viewer.furniture import SHARE, SPARE, Furniture, with_room
 
 pytestmark = pytest.mark.slow

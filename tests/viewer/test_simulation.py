@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drpbench.contract import CONTROL_PERIOD, CONTROL_STEPS
+from drpbench.contract import EPISODE
+from drpbench.envs import TASKS, World
 from drpbench.geometry import quaternion_to_matrix
 from drpbench.leaderboard import load_dir
 from drpbench.plugins.host import Hosted
@@ -24,9 +25,9 @@ pytestmark = pytest.mark.slow
 
 def finished(simulation, id):
     simulation.open(id)
-    while simulation.rehearsing or simulation.clock < CONTROL_STEPS:
+    while simulation.rehearsing or simulation.clock < EPISODE.steps:
         simulation.step()
-    return simulation.verdict
+    return simulation
 
 
 def judged(policy, task, ids):
@@ -36,10 +37,11 @@ def judged(policy, task, ids):
     return [row for id in ids for row in rows if (row.task, row.id) == (task, id)]
 
 
-def assert_the_same(verdict, row):
+def assert_the_same(simulation, row):
+    verdict = simulation.verdict
     assert verdict.success == row.success and verdict.reached == row.reached
     assert verdict.collided == row.collided and verdict.valid == row.valid
-    assert verdict.first_collision_link == row.first_collision_link
+    assert simulation.first_collision_link == row.first_collision_link
     if row.collided:  # another program rounds in the seventh digit
         assert abs(verdict.first_collision_step - row.first_collision_step) <= 1
     assert abs(row.min_clearance) > 1e-3, "choose a problem whose verdict is not narrow"
@@ -55,7 +57,7 @@ def test_an_untouched_episode_ends_as_in_a_run(compiled):
 
 
 def test_a_task_with_a_rehearsal_ends_as_in_a_run():
-    simulation = Simulation("SAO", Straight(), load("SAO"))
+    simulation = Simulation(World(TASKS["SAO"]), Straight(), load("SAO"))
     ids = [0, 2, 3]
     found = judged("straight", "SAO", ids)
     assert {row.collided for row in found} == {True, False}
@@ -70,7 +72,7 @@ def test_a_task_with_a_rehearsal_ends_as_in_a_run():
 
 
 def test_time_after_the_end_changes_no_verdict(compiled):
-    verdict = finished(compiled, FURNISHED)
+    verdict = finished(compiled, FURNISHED).verdict
     piece = compiled.add_box()
     compiled.move("piece", piece, compiled.look().arm[0][5])
     compiled.step()
@@ -87,7 +89,7 @@ def test_a_box_put_into_the_arm_is_a_contact(simulation):
     simulation.step()
     verdict = simulation.verdict
     assert verdict.collided and verdict.first_collision_step == 0
-    assert simulation.touching == verdict.first_collision_link and simulation.edited
+    assert simulation.touching == simulation.first_collision_link and simulation.edited
 
 
 def test_the_policy_gives_way_to_a_box_that_is_dragged_at_it(simulation):
@@ -116,7 +118,7 @@ def test_what_is_dragged_follows_at_walking_pace_and_arrives(simulation):
         simulation.step()
         heights.append(simulation.furniture.position[piece, 2] - start[2])
     steps = np.diff([0.0, *heights])
-    assert steps.max() <= FOLLOW_SPEED * CONTROL_PERIOD + 1e-5
+    assert steps.max() <= FOLLOW_SPEED * EPISODE.period + 1e-5
     assert heights[-1] == pytest.approx(0.5, abs=1e-5)
     assert np.argmax(np.isclose(heights, 0.5, atol=1e-5)) == math.ceil(0.5 / FOLLOW_SPEED * 60) - 1
 
@@ -182,7 +184,7 @@ class Creep:
 
 
 def test_a_host_policy_drives_the_arm_and_its_failure_is_told(capsys):
-    simulation = Simulation("SE", Hosted(Creep(), Creep), load("SE"))
+    simulation = Simulation(World(TASKS["SE"]), Hosted(Creep(), Creep), load("SE"))
     simulation.open(3)
     for _ in range(20):
         simulation.step()

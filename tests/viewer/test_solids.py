@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drpbench.geometry import BOX, CYLINDER, SPHERE
-from drpbench.recording.figure import arm_figure
+from drpbench.robot import PANDA
 from drpbench.viewer.solids import joined, links, solid
 
 SIZES = {BOX: (0.1, 0.2, 0.3), CYLINDER: (0.1, 0.1, 0.4), SPHERE: (0.2,) * 3}
@@ -35,17 +35,17 @@ def test_every_triangle_looks_away_from_the_middle(kind):
 
 
 def test_the_links_are_all_of_the_arms_solids():
-    meshes = links()
-    assert {frame for frame, _ in meshes} == set(range(9))
-    sizes = [np.array(piece.half_size) for piece in arm_figure()]
+    meshes = links(PANDA)
+    assert {frame for frame, _ in meshes} == set(range(PANDA.hand + 1))
+    sizes = [np.array(piece.half_size) for piece in PANDA.solids]
     assert len({id(mesh) for mesh in meshes.values()}) == len(
-        {(piece.frame, piece.color) for piece in arm_figure()}
+        {(piece.frame, piece.color) for piece in PANDA.solids}
     )
     whole = volume(joined(list(meshes.values())))
     parts = [
         VOLUMES[kind] / np.prod(SIZES[kind]) * np.prod(size)
         for kind, size in zip(
-            ({"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE}[p.kind] for p in arm_figure()),
+            ({"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE}[p.kind] for p in PANDA.solids),
             sizes,
             strict=True,
         )

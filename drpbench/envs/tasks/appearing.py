@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key, PRNGKeyArray
 
 from drpbench.contract import Episode, Movers, Problem, no_movers
@@ -38,6 +39,7 @@ class Appearing:
     title: str = "suddenly appearing obstacle"
     movers: int = 1
     rehearsed: bool = True
+    starts_at_goal: bool = False
 
     def reset(
         self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode
@@ -91,3 +93,6 @@ class Appearing:
 
     def valid(self, memory: _Memory) -> Bool[Array, ""]:
         return jnp.bool_(True)
+
+    def training_level(self, number, furnished):
+        return np.where(furnished, 2, 1)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from drpbench.contract import Episode, Movers, Problem
@@ -36,6 +37,7 @@ class DynamicGoalBlocking:
     title: str = "dynamic goal blocking"
     movers: int = 3
     rehearsed: bool = False
+    starts_at_goal: bool = True
 
     def reset(
         self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode
@@ -72,3 +74,6 @@ class DynamicGoalBlocking:
 
     def valid(self, memory: tuple[()]) -> Bool[Array, ""]:
         return jnp.bool_(True)
+
+    def training_level(self, number, furnished):
+        return np.where(number % 4 == 3, 2, 1)

@@ -37,6 +37,7 @@ class Floating:
     title: str = "floating dynamic obstacles"
     movers: int = 3
     rehearsed: bool = False
+    starts_at_goal: bool = False
 
     def reset(
         self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode
@@ -70,3 +71,6 @@ class Floating:
 
     def valid(self, memory: tuple[()]) -> Bool[Array, ""]:
         return jnp.bool_(True)
+
+    def training_level(self, number, furnished):
+        return np.where(furnished, 2, 1)

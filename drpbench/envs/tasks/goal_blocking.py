@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Int, Key, PRNGKeyArray
 
 from drpbench.contract import Episode, Movers, Problem, no_movers
@@ -36,6 +37,7 @@ class GoalBlocking:
     title: str = "goal blocking"
     movers: int = 1
     rehearsed: bool = False
+    starts_at_goal: bool = False
 
     def reset(
         self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode
@@ -71,3 +73,6 @@ class GoalBlocking:
 
     def valid(self, memory: _Memory) -> Bool[Array, ""]:
         return memory.placed
+
+    def training_level(self, number, furnished):
+        return np.where(furnished, 2, 1)

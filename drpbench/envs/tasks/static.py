@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Int, PRNGKeyArray
 
 from drpbench.contract import Episode, Movers, Problem, no_movers
@@ -16,6 +17,7 @@ class Static:
     title: str = "static environment"
     movers: int = 0
     rehearsed: bool = False
+    starts_at_goal: bool = False
 
     def reset(
         self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode
@@ -35,3 +37,6 @@ class Static:
 
     def valid(self, memory: tuple[()]) -> Bool[Array, ""]:
         return jnp.bool_(True)
+
+    def training_level(self, number, furnished):
+        return np.where(furnished, 2, 1)

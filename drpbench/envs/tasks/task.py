@@ -2,6 +2,7 @@
 
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from drpbench.contract import Episode, Movers, Problem
@@ -21,6 +22,11 @@ class Task(Protocol):
 
     @property
     def name(self) -> str: ...
+
+    @property
+    def starts_at_goal(self) -> bool:
+        """Whether the arm begins at its goal."""
+        ...
 
     @property
     def title(self) -> str: ...
@@ -55,6 +61,13 @@ class Task(Protocol):
 
     def valid(self, memory: Any) -> Bool[Array, ""]:
         """Whether the episode was an instance of the task at all (see GB)."""
+        ...
+
+    def training_level(
+        self, number: Int[np.ndarray, " n"], furnished: Bool[np.ndarray, " n"]
+    ) -> Int[np.ndarray, " n"]:
+        """The levels of problems to learn from, by their numbers and by whether more than the bare table
+        stands in their scenes. A level sets how many boxes move and how large they are."""
         ...
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from drpbench.robot.body_points import Link
 from drpbench.robot.robot import RealMeshes, Robot
 
+from .figure import figure
 from .fingers import FINGER_HEIGHT, FINGER_OPENING
 from .mesh_arm import mesh_arm
 from .meshes import NO_MESHES, find_mesh_model
@@ -87,4 +88,5 @@ def panda(finger_opening: float = FINGER_OPENING) -> Robot:
         meshes=RealMeshes(
             find_mesh_model, partial(mesh_arm, finger_opening=finger_opening), NO_MESHES
         ),
+        figure=figure,
     )

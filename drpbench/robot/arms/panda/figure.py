@@ -1,29 +1,12 @@
-"""The Panda as a handful of solids: how the arm is drawn where its meshes are not at hand.
+"""The Panda as a handful of solids, drawn after the outline of its real links, the fingers open."""
 
-Drawn after the outline of the real links; no part of the collision model.
-"""
-
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-WHITE, GREY, DARK = (0.93, 0.94, 0.95), (0.55, 0.57, 0.60), (0.20, 0.21, 0.23)
-HAND = 8  # the frame of hand and fingers
+from drpbench.robot.solids import DARK, GREY, UPRIGHT, WHITE, Color, Point, Solid, ball
 
-
-@dataclass(frozen=True)
-class Solid:
-    """A solid fixed in a frame of the arm (0..7 link0 to link7, 8 the hand)."""
-
-    frame: int
-    kind: str
-    """of `SHAPES`: box, cylinder (about its z) or sphere"""
-    half_size: tuple[float, float, float]
-    """[m] as in `Primitives`: half extents; radius, radius, half height; three times the radius."""
-    position: np.ndarray  # (3,) [m]
-    quaternion: np.ndarray  # (4,) wxyz
-    color: tuple[float, float, float]
+_HAND = 8  # the frame of hand and fingers
 
 
 def _along(start: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -34,33 +17,26 @@ def _along(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     return np.array([1.0 + z, -y, x, 0.0]) / np.sqrt(2.0 * (1.0 + z))
 
 
-def _ball(frame, center, radius, color) -> Solid:
-    return Solid(frame, "sphere", (radius,) * 3, np.array(center, float), _UPRIGHT, color)
-
-
-def _rod(frame, start, end, radius, color) -> Solid:
-    start, end = np.array(start, float), np.array(end, float)
-    half = float(np.linalg.norm(end - start)) / 2
+def _rod(frame: int, start: Point, end: Point, radius: float, color: Color) -> Solid:
+    first, last = np.array(start, float), np.array(end, float)
+    half = float(np.linalg.norm(last - first)) / 2
     return Solid(
-        frame, "cylinder", (radius, radius, half), (start + end) / 2, _along(start, end), color
+        frame, "cylinder", (radius, radius, half), (first + last) / 2, _along(first, last), color
     )
 
 
-def _bend(frame, points, radius, color) -> list[Solid]:
+def _bend(frame: int, points: list[Point], radius: float, color: Color) -> list[Solid]:
     """A round tube through the points."""
     rods = [_rod(frame, a, b, radius, color) for a, b in zip(points, points[1:], strict=False)]
-    return rods + [_ball(frame, point, radius, color) for point in points]
+    return rods + [ball(frame, point, radius, color) for point in points]
 
 
-def _block(frame, center, half_size, color) -> Solid:
-    return Solid(frame, "box", tuple(half_size), np.array(center, float), _UPRIGHT, color)
-
-
-_UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+def _block(frame: int, center: Point, half_size: tuple[float, float, float], color: Color) -> Solid:
+    return Solid(frame, "box", half_size, np.array(center, float), UPRIGHT, color)
 
 
 @cache
-def arm_figure() -> tuple[Solid, ...]:
+def figure() -> tuple[Solid, ...]:
     """The solids of link0 to the fingers."""
     base = [
         *_bend(0, [(0, 0, 0.06), (-0.09, 0, 0.05)], 0.065, WHITE),
@@ -115,13 +91,13 @@ def arm_figure() -> tuple[Solid, ...]:
         _rod(7, (0, 0, 0.1), (0, 0, 0.108), 0.032, GREY),
     ]
     hand = [
-        _block(HAND, (0, 0, 0.028), (0.026, 0.078, 0.033), WHITE),
-        *(_rod(HAND, (0, y, -0.005), (0, y, 0.061), 0.026, WHITE) for y in (-0.076, 0.076)),
-        _block(HAND, (0, 0, 0.062), (0.018, 0.094, 0.004), DARK),
+        _block(_HAND, (0, 0, 0.028), (0.026, 0.078, 0.033), WHITE),
+        *(_rod(_HAND, (0, y, -0.005), (0, y, 0.061), 0.026, WHITE) for y in (-0.076, 0.076)),
+        _block(_HAND, (0, 0, 0.062), (0.018, 0.094, 0.004), DARK),
     ]
     for side in (-1, 1):
         hand += [
-            _block(HAND, (0, side * 0.052, 0.074), (0.0105, 0.012, 0.014), GREY),
-            _block(HAND, (0, side * 0.0465, 0.096), (0.009, 0.0065, 0.016), GREY),
+            _block(_HAND, (0, side * 0.052, 0.074), (0.0105, 0.012, 0.014), GREY),
+            _block(_HAND, (0, side * 0.0465, 0.096), (0.009, 0.0065, 0.016), GREY),
         ]
     return (*base, *link1, *link2, *link3, *link4, *link5, *link6, *link7, *hand)
