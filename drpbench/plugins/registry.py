@@ -129,6 +129,29 @@ def choose(
     return Choice(policy, parameters(policy))
 
 
+def at_hand(
+    policy: Policy | HostPolicy,
+    time_limit: float = TIME_LIMIT,
+    robot: Robot = PANDA,
+    episode: Episode = EPISODE,
+) -> Choice:
+    """A policy that is made already, in JAX or on the host, ready to run on this arm.
+
+    `time_limit` [s] is what one on the host may take for a control step. Raises PolicyError, one line, for
+    what is no policy.
+    """
+    name = type(policy).__name__
+    check(name, policy, observation_spec(robot))
+    if not is_host(policy):
+        return Choice(policy, parameters(policy))
+
+    def build() -> HostPolicy:
+        raise PolicyError(f"{name} never answered, and an object cannot be made again")
+
+    world = dict(zip(OF_THE_WORLD, (robot, episode.period), strict=True))
+    return _hosted(policy, build, [], {}, time_limit, world)
+
+
 def _split(name: str) -> tuple[str, list[str]]:
     """`straight+dcp-rmp` as its policy and what goes over it, innermost first."""
     if ":" in name:
