@@ -93,7 +93,7 @@ def run(request: Request, progress: Progress) -> Result:
     first = next(iter(sets.values()))
     header = Header(
         policy=request.policy,
-        policy_parameters=choice.parameters,
+        policy_parameters={**choice.parameters},
         privileged=policy.privileged,
         tasks=list(request.problems),
         problem_set=first.name,
