@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+import jax
 import numpy as np
 
 from drpbench.contract import REACH_POSITION_LOOSE, Verdict, reached
@@ -38,8 +39,11 @@ def sparc(speed: np.ndarray, rate: float) -> float | None:
 
 def rows(ids: Sequence[int], families: Sequence[str], trace: Trace) -> list[Row]:
     """One row per problem, in the order of the trace."""
-    verdict = trace.verdict
-    return [_row(id, families[b], trace, verdict, b) for b, id in enumerate(ids)]
+    verdicts = trace.verdict
+    return [
+        _row(id, families[b], trace, jax.tree.map(lambda leaf, b=b: leaf[b], verdicts), b)
+        for b, id in enumerate(ids)
+    ]
 
 
 def _number(value: float | np.floating) -> float | None:
@@ -54,11 +58,11 @@ def _smoothness(speed: np.ndarray, period: float, finite: bool) -> float | None:
 
 def _row(id: int, family: str, trace: Trace, verdict: Verdict, b: int) -> Row:
     robot, period = trace.world.robot, trace.world.episode.period
-    finite, collided = bool(verdict.finite[b]), bool(verdict.collided[b])
+    finite, collided = bool(verdict.finite), bool(verdict.collided)
     errors = trace.position_error[:, b], trace.orientation_error[:, b]
     at_goal, near_goal = reached(*errors), reached(*errors, REACH_POSITION_LOOSE)
-    reached_at_end = bool(verdict.reached[b])
-    first = int(verdict.first_collision_step[b]) if collided else None
+    reached_at_end = bool(verdict.reached)
+    first = int(verdict.first_collision_step) if collided else None
     nearest = np.min(trace.clearance[:, b], initial=FAR, where=np.isfinite(trace.clearance[:, b]))
 
     joints = np.concatenate([trace.start[None, b], trace.joint_position[:, b]]).astype(float)
@@ -75,7 +79,7 @@ def _row(id: int, family: str, trace: Trace, verdict: Verdict, b: int) -> Row:
         id=int(id),
         task=trace.world.task.name,
         family=family,
-        success=bool(verdict.success[b]),
+        success=bool(verdict.success),
         reached=reached_at_end,
         reached_5cm=finite and bool(near_goal[-1]),
         reached_once=reached_at_end or bool(at_goal.any()),
@@ -95,5 +99,5 @@ def _row(id: int, family: str, trace: Trace, verdict: Verdict, b: int) -> Row:
         sparc_ee=_smoothness(grip_steps / period, period, finite),
         joint_limit_violation=bool((beyond > LIMIT_TOLERANCE).any()),
         status=trace.failure or ("ok" if finite else "nan"),
-        valid=bool(verdict.valid[b]),
+        valid=bool(verdict.valid),
     )

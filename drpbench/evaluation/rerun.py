@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from drpbench.plugins.errors import PolicyError
+from drpbench.plugins.host import TIME_LIMIT
 from drpbench.plugins.registry import choose
 from drpbench.results import Header, Result, ResultsError
 from drpbench.results.schema import Scalar
@@ -43,7 +44,7 @@ def rerun(
             seed=header.seed,
             batch_size=batch_size or header.batch_size,
             watch=watch,
-            **_time_limit(header),
+            time_limit=_time_limit(header),
         )
         try:
             again = run(request, progress)
@@ -53,9 +54,9 @@ def rerun(
     return again
 
 
-def _time_limit(header: Header) -> dict[str, float]:
+def _time_limit(header: Header) -> float:
     limit = header.policy_parameters.get(f"{_HOST}time_limit")
-    return {} if limit is None else {"time_limit": limit}
+    return float(limit) if isinstance(limit, (int, float)) else TIME_LIMIT
 
 
 def arguments_of(name: str, header: Header) -> list[str]:
@@ -66,17 +67,16 @@ def arguments_of(name: str, header: Header) -> list[str]:
     """
     if header.policy.startswith("remote:"):
         return []  # its parameters are set where it runs; it may answer one connection only
-    stated = header.policy_parameters
+    stated, usual = header.policy_parameters, dict[str, Scalar | list[Scalar]]()
     try:
-        usual = choose(header.policy, **_time_limit(header)).parameters
+        usual |= dict(choose(header.policy, (), _time_limit(header)).parameters)
     except PolicyError as error:
         if "needs a value" not in str(error):
             raise
-        usual = {}
     own, usual = _own(stated), _own(usual)
     arguments = [f"{key}={value}" for key, value in own.items() if usual.get(key, _ABSENT) != value]
     try:
-        choice = choose(header.policy, arguments, **_time_limit(header))
+        choice = choose(header.policy, arguments, _time_limit(header))
     except PolicyError as error:
         raise ResultsError(
             f"{name}: {header.policy} cannot be had as it was run: {error}"

@@ -79,7 +79,7 @@ def run(request: Request, progress: RunProgress) -> Result:
     first = next(iter(sets.values()))
     header = Header(
         policy=request.policy,
-        policy_parameters=choice.parameters,
+        policy_parameters={**choice.parameters},
         privileged=policy.privileged,
         tasks=list(request.problems),
         problem_set=first.name,
@@ -121,7 +121,7 @@ def _run_task(
     wanted: Sequence[int],
     journal: Journal,
     trajectories: Trajectories | None,
-    progress: Progress,
+    progress: RunProgress,
 ) -> None:
     world = World(TASKS[task])
     left = [id for id in wanted if (task, id) not in journal.done]

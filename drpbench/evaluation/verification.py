@@ -30,11 +30,12 @@ class Difference:
     @property
     def amount(self) -> float | None:
         """By how much, where both are numbers."""
-        both = (self.was, self.now)
-        numbers = all(
-            isinstance(value, (int, float)) and not isinstance(value, bool) for value in both
-        )
-        return abs(self.was - self.now) if numbers else None
+        was, now = self.was, self.now
+        if isinstance(was, bool) or isinstance(now, bool):
+            return None
+        if isinstance(was, (int, float)) and isinstance(now, (int, float)):
+            return abs(was - now)
+        return None
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ episode begins and ends with the others'.
 
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -44,6 +45,8 @@ class Lanes:
         self.world, self.count, self._seed, self._stream = world, count, seed, stream
         self.clock = world.episode.steps  # as after an episode: nothing to step yet
         self._rehearsal: Rehearsal | None = None
+        self._state: State
+        self._verdict: Verdict
 
     @property
     def over(self) -> bool:
@@ -115,7 +118,7 @@ def _step(
     targets: Float[Array, "lanes J"] | Float[np.ndarray, "lanes J"],
     clock: Int[Array, ""],
 ) -> tuple[State, Verdict, Float[Array, "lanes 3"], Observation, Outcome]:
-    def step(state, verdict, target):
+    def step(state: State, verdict: Verdict, target: jax.Array) -> tuple[Any, ...]:
         state, record = one_world.apply(world, state, target, clock)
         verdict = verdict.after(record, world.task.valid(state.memory), clock)
         outcome = Outcome(

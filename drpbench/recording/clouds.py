@@ -33,7 +33,7 @@ def clouds(episode: Recording, instants: np.ndarray) -> Clouds:
 
 @partial(jit, static_argnums=0)
 def _seen(
-    world: World, state: State, joints: jax.Array | np.ndarray, movers: Movers
+    world: World, state: State, joints: jax.Array, movers: Movers
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """The points on the boxes, which of them there are, and the arm's."""
     static = len(state.cloud.static_mask)

@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import zstandard
@@ -50,7 +50,7 @@ class Messages:
     """N messages of one topic, all of one length, in the order of time."""
 
     topic: str
-    schema: type  # the class of protobuf messages
+    schema: Any  # the class of protobuf messages
     times: np.ndarray  # (N,) int64 [ns]
     content: np.ndarray  # (N, length) uint8, serialised
 
@@ -214,8 +214,8 @@ def _message_records(group: Messages, channel: int) -> list[bytes]:
     header["opcode"], header["channel"] = Opcode.MESSAGE, channel
     header["length"] = _HEADER.itemsize - 9 + length
     header["log_time"] = header["publish_time"] = group.times
-    header = header.view(np.uint8).reshape(count, -1)
-    whole = np.concatenate([header, group.content], axis=1)
+    flat = header.view(np.uint8).reshape(count, -1)
+    whole = np.concatenate([flat, group.content], axis=1)
     return whole.view(f"V{whole.shape[1]}").ravel().tolist()
 
 
@@ -227,6 +227,6 @@ def _joined(records: Sequence[McapRecord]) -> bytes:
 
 
 @cache
-def _described(schema: type) -> bytes:
+def _described(schema: Any) -> bytes:
     """The schema of a class of protobuf messages, with all that it depends on."""
     return build_file_descriptor_set(schema).SerializeToString()

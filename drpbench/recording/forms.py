@@ -69,8 +69,9 @@ class Form:
         for blanks, values in ((self._seconds, _varints(seconds)), (self._nanos, _varints(nanos))):
             for start in blanks:
                 filled[:, start : start + 5] = values
+        columns = np.zeros((len(times), 0)) if numbers is None else numbers
         for column, blanks in enumerate(self._numbers):
-            values = np.ascontiguousarray(numbers[:, column], "<f8").view(np.uint8).reshape(-1, 8)
+            values = np.ascontiguousarray(columns[:, column], "<f8").view(np.uint8).reshape(-1, 8)
             for start in blanks:
                 filled[:, start : start + 8] = values
         if self._points:

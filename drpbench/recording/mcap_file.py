@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.wrappers_pb2 import DoubleValue
@@ -117,7 +118,8 @@ def _often(episode: Recording, moved: Motion) -> Iterator[Messages]:
 def _beginning(episode: Recording) -> Iterator[Messages]:
     """What stands still: the scene and the goal."""
     problem, robot = episode.problem, episode.world.robot
-    static = problem.obstacles
+    static = jax.tree.map(np.asarray, problem.obstacles)
+    goal = np.asarray(problem.goal)
     turns = _quaternions(static.rotation)
     solids = [
         messages.obstacle(
@@ -131,19 +133,19 @@ def _beginning(episode: Recording) -> Iterator[Messages]:
         for k in np.flatnonzero(static.mask)
     ]
     yield _one(episode, 0, "/scene", messages.scene(solids))
-    pose = messages.pose(0, problem.goal_position, problem.goal_quaternion)
+    pose = messages.pose(0, np.asarray(problem.goal_position), np.asarray(problem.goal_quaternion))
     yield _one(episode, 0, "/goal/pose", pose)
     start = np.zeros(1, int)
     yield _many(episode, start, "/goal/arm", _arm(robot, "goal", GOAL))
     ghost = _transforms(_named(robot, "goal"))
-    yield _many(episode, start, "/tf_static", ghost, _flat(*arm_at(robot, problem.goal[None])))
+    yield _many(episode, start, "/tf_static", ghost, _flat(*arm_at(robot, goal[None])))
 
 
 def _happenings(episode: Recording, moved: Motion) -> Iterator[Messages]:
     """What changes now and then: the boxes' shapes, the colour of a link in contact, the log."""
     boxes, robot = episode.boxes, episode.world.robot
     new, active = put_down(episode), boxes.active
-    changed = new.any(axis=1)
+    changed = np.array(new.any(axis=1))
     changed[1:] |= (active[1:] != active[:-1]).any(axis=1)
     for instant in np.flatnonzero(changed).tolist():
         time = episode.time(instant)
@@ -220,7 +222,7 @@ def _reactions(episode: Recording, module: DcpRmp, instants: np.ndarray) -> Iter
     shown = np.flatnonzero(found.active)
     ends = np.concatenate([found.arm_point, found.obstacle_point], axis=1)
     yield _many(episode, instants[shown], "/dcp_rmp/closest", _closest(), ends[shown])
-    poses = _flat(*arm_at(robot, found.goal_joints))
+    poses = _flat(*arm_at(robot, np.asarray(found.goal_joints)))
     yield _many(
         episode, instants[shown], "/tf", _transforms(_named(robot, "modified")), poses[shown]
     )

@@ -1,6 +1,7 @@
 """Foxglove's messages from arrays. Times are nanoseconds, lengths metres, quaternions wxyz."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
@@ -16,22 +17,23 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from drpbench.geometry import SHAPES
 
 WORLD = "world"
+Numbers = Sequence[float] | np.ndarray
 Color = tuple[float, ...]  # red, green, blue and, where it is not 1, opacity
 
 
-def stamp(message, time: int):
+def stamp(message: Any, time: int) -> Any:
     """Sets a message's time; returns the message."""
     message.timestamp.seconds, message.timestamp.nanos = divmod(time, 10**9)
     return message
 
 
-def _set_pose(pose, position, quaternion) -> None:
+def _set_pose(pose: Any, position: Iterable[float], quaternion: Iterable[float]) -> None:
     pose.position.x, pose.position.y, pose.position.z = position
     turn = pose.orientation
     turn.w, turn.x, turn.y, turn.z = quaternion
 
 
-def _set_color(color, value: Color) -> None:
+def _set_color(color: Any, value: Color) -> None:
     color.r, color.g, color.b, color.a = (*value, 1.0)[:4]
 
 
@@ -43,9 +45,9 @@ def entity(name: str, frame: str, time: int) -> SceneEntity:
 def add_solid(
     to: SceneEntity,
     kind: str,
-    half_size: Sequence[float],
-    position: Sequence[float],
-    quaternion: Sequence[float],
+    half_size: Numbers,
+    position: Numbers,
+    quaternion: Numbers,
     color: Color,
 ) -> None:
     """A box, cylinder or sphere. `half_size` as in `Primitives`: half extents along its own axes."""
@@ -58,9 +60,7 @@ def add_solid(
     _set_color(solid.color, color)
 
 
-def add_line(
-    to: SceneEntity, points: Iterable[Sequence[float]], thickness: float, color: Color
-) -> None:
+def add_line(to: SceneEntity, points: Iterable[Numbers], thickness: float, color: Color) -> None:
     """A line through the points."""
     line = to.lines.add(thickness=thickness)
     for x, y, z in points:
@@ -70,12 +70,18 @@ def add_line(
 
 
 def obstacle(
-    name: str, frame: str, time: int, primitive: tuple[int, np.ndarray], pose, color: Color
+    name: str,
+    frame: str,
+    time: int,
+    primitive: tuple[int, np.ndarray],
+    pose: tuple[Numbers, Numbers],
+    color: Color,
 ) -> SceneEntity:
     """One primitive: kind and half size, and its position and quaternion in the frame."""
     kind, half_size = primitive
     made = entity(name, frame, time)
-    add_solid(made, SHAPES[kind], half_size, *pose, color)
+    position, quaternion = pose
+    add_solid(made, SHAPES[kind], half_size, position, quaternion, color)
     return made
 
 
@@ -118,13 +124,13 @@ def point_cloud(time: int, points: np.ndarray) -> PointCloud:
     return stamp(cloud, time)
 
 
-def pose(time: int, position: Sequence[float], quaternion: Sequence[float]) -> PoseInFrame:
+def pose(time: int, position: Numbers, quaternion: Numbers) -> PoseInFrame:
     """A pose in the world frame."""
     message = stamp(PoseInFrame(frame_id=WORLD), time)
     _set_pose(message.pose, map(float, position), map(float, quaternion))
     return message
 
 
-def log(time: int, text: str, level: int = Log.INFO) -> Log:
+def log(time: int, text: str, level: Any = Log.INFO) -> Log:
     """A line of the episode's log."""
     return stamp(Log(level=level, message=text, name="drpbench"), time)

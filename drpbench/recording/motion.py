@@ -52,7 +52,7 @@ class Motion:
     @property
     def at_goal(self) -> np.ndarray:
         """(N,) bool: whether `grip` is at its goal."""
-        return reached(self.position_error, self.orientation_error)
+        return np.asarray(reached(self.position_error, self.orientation_error))
 
 
 def motion(episode: Recording) -> Motion:
@@ -128,7 +128,7 @@ def _whole(
 
 @partial(jit, static_argnums=0)
 def _nearest_sphere(
-    world: World, problem: Problem, q: np.ndarray, qd: np.ndarray, movers: Movers
+    world: World, problem: Problem, q: jax.Array, qd: jax.Array, movers: Movers
 ) -> jax.Array:
     search = partial(_search, world, problem)
     return jax.vmap(search)(q, qd, movers)
@@ -138,10 +138,10 @@ def _nearest_sphere(
 def _follow(
     world: World,
     problem: Problem,
-    q: np.ndarray,
-    qd: np.ndarray,
+    q: jax.Array,
+    qd: jax.Array,
     movers: Movers,
-    sphere: np.ndarray,
+    sphere: jax.Array,
 ) -> dict[str, jax.Array]:
     return jax.vmap(partial(_whole, world, problem))(q, qd, movers, sphere)
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -27,7 +28,8 @@ def dcp_rmp_of(parameters: Mapping[str, object]) -> DcpRmp | None:
     names = [field.name for field in fields(Constants)]
     if not all(f"constants.{name}" in parameters for name in names):
         return None
-    constants = Constants(**{name: parameters[f"constants.{name}"] for name in names})
+    values: dict[str, Any] = {name: parameters[f"constants.{name}"] for name in names}
+    constants = Constants(**values)
     return DcpRmp(policy=None, constants=constants)
 
 
@@ -74,7 +76,7 @@ _ROUNDING = 1e-3  # [m]
 
 
 @partial(jit, static_argnums=0)
-def _gap(robot: Robot, joints: jax.Array | np.ndarray, movers: Movers) -> jax.Array:
+def _gap(robot: Robot, joints: jax.Array, movers: Movers) -> jax.Array:
     """Distance [m] of the arm's surface and the moving boxes."""
     model = robot.moving_spheres
 
@@ -107,10 +109,10 @@ def _ask(
     world: World,
     module: DcpRmp,
     state: State,
-    q: np.ndarray,
-    qd: np.ndarray,
+    q: jax.Array,
+    qd: jax.Array,
     now: Movers,
     before: Movers,
-    begun: np.ndarray,
+    begun: jax.Array,
 ) -> Reaction:
     return jax.vmap(partial(_once, world, module, state))(q, qd, now, before, begun)

@@ -170,7 +170,7 @@ def _outcome(row: Row) -> str:
 
 def _difference(row: Row, motion: Motion) -> str | None:
     """How a recorded episode contradicts its row, or None."""
-    if row.status != "ok":
+    if row.status != "ok" or row.position_error is None or row.orientation_error is None:
         return None
     away, turned = float(motion.position_error[-1]), float(motion.orientation_error[-1])
     if abs(away - row.position_error) > _SAME_POSITION:

@@ -80,7 +80,7 @@ class Stage:
         Laid over the picture it is one even layer; transparent solids would show where they overlap.
         """
         if episode.name not in self._ghosts:
-            self._show_arm(episode.problem.goal)
+            self._show_arm(np.asarray(episode.problem.goal))
             self._paint(GHOST)
             self._ghosts[episode.name] = self._canvas.draw(self._scene)
         return self._ghosts[episode.name]

@@ -140,15 +140,17 @@ def failures(
             families[row.family],
             reason(row),
             ABSENT if row.first_collision_step is None else row.first_collision_step,
-            links.get(row.first_collision_link, ABSENT),
+            links.get(row.first_collision_link or "", ABSENT),
             _scaled(row.position_error, 1e4),
             _scaled(row.orientation_error, 1800 / np.pi),
             statuses.get(row.status, ABSENT),
         )
         for file, policy, row in failed
     )
-    fields = ("policy", "task", "id", "replay", "family", "reason")
-    fields += ("step", "link", "position", "orientation", "status")
+    fields = [
+        *("policy", "task", "id", "replay", "family", "reason"),
+        *("step", "link", "position", "orientation", "status"),
+    ]
     columns = zip(*packed, strict=True) if packed else [()] * len(fields)
     return {
         "replays": [f"drpbench replay {shlex.quote(str(folder / name))}" for name in results],
@@ -175,7 +177,8 @@ def _rate(won: Sequence[bool]) -> list[float]:
 
 def _places(values: Iterable[str | None]) -> dict[str, int]:
     """Each value's place in alphabetical order; none for None."""
-    return {value: place for place, value in enumerate(sorted({*values} - {None}))}
+    known = {value for value in values if value is not None}
+    return {value: place for place, value in enumerate(sorted(known))}
 
 
 def _scaled(value: float | None, scale: float) -> int:

@@ -81,7 +81,7 @@ def see(world: World, privileged: bool, state: State) -> Observation:
 
 @partial(jit, static_argnums=(0, 2))
 def show(
-    world: World, policy: Policy, seed: int, state: State, carry: Any, clock: jax.Array | np.int32
+    world: World, policy: Policy, seed: int, state: State, carry: Any, clock: jax.Array
 ) -> tuple[Observation, Any]:
     """The same as what lies over the host policy makes of it, and what that carries."""
     one = partial(one_world.act, world, policy, seed)
@@ -91,9 +91,7 @@ def show(
 
 
 @partial(jit, static_argnums=0)
-def apply(
-    world: World, state: State, targets: jax.Array | np.ndarray, clock: jax.Array | np.int32
-) -> tuple[State, Record]:
+def apply(world: World, state: State, targets: jax.Array, clock: jax.Array) -> tuple[State, Record]:
     """A batch of worlds one control step later."""
     one = partial(one_world.apply, world)
     return jax.vmap(one, in_axes=(0, 0, None))(state, targets, clock)

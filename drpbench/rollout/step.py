@@ -1,8 +1,9 @@
 """One control step of one world: the policy acts, the world follows, and a record is kept.
 
 Whatever runs an episode is made of these pure functions, vmapped over worlds or not: the batch
-(`batch.py`), policies outside jit (`host.py`), `drpbench.gym`, `drpbench.viewer`, validation and, without
-dynamics, the corrections of `drpbench.learning`. `world` and `seed` are static.
+(`batch.py`), policies outside jit (`host.py`), `drpbench.gym` and `drpbench.viewer`. `world` and `seed` are
+static. The corrections of `drpbench.learning` share none of it: they have no dynamics and no moving
+boxes, and their point clouds and keys come from the demonstrations' own streams.
 """
 
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int
 
 from drpbench.contract import Observation, Policy, Problem
 from drpbench.envs import State, World
@@ -63,19 +64,13 @@ def begin(
     return state, policy.init(observation), observation
 
 
-def answer(
-    world: World, policy: Policy, state: State, carry: Any, key: PRNGKeyArray
-) -> tuple[Any, Any]:
-    """What the policy says to what it sees of the state, and its new carry."""
-    return policy.act(world.observe(state, policy.privileged), carry, key)
-
-
 def act(
     world: World, policy: Policy, seed: int, state: State, carry: Any, clock: Int[Array, ""]
 ) -> tuple[Any, Any]:
-    """`answer` with the instance's own key of control step `clock`."""
+    """What the policy says to what it sees of the state, and its new carry."""
     key = instance_key(seed, world.task.name, state.problem.id, POLICY)
-    return answer(world, policy, state, carry, jax.random.fold_in(key, clock))
+    observation = world.observe(state, policy.privileged)
+    return policy.act(observation, carry, jax.random.fold_in(key, clock))
 
 
 def apply(
@@ -84,7 +79,7 @@ def apply(
     """The world one control step later, on its way to the target [rad], and the record of it."""
     state, events = world.step(state, target, clock)
     problem, movers = state.problem, state.movers
-    goal_rotation = quaternion_to_matrix(problem.goal_quaternion)
+    goal_rotation = quaternion_to_matrix(jnp.asarray(problem.goal_quaternion))
     return state, Record(
         joint_position=state.joint_position,
         joint_velocity=state.joint_velocity,

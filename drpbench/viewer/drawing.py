@@ -1,9 +1,10 @@
 """The three-dimensional picture of a simulation, as nodes of a viser scene that all browsers share."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import viser
 
@@ -14,7 +15,7 @@ from drpbench.robot import Robot
 
 from .furniture import Furniture
 from .moment import Frames, Moment
-from .solids import links, solid
+from .solids import Mesh, links, solid
 
 _ADDED = (0.16, 0.62, 0.60)
 _POINT, _BOX_POINT = (0.30, 0.34, 0.41), (0.08, 0.20, 0.55)
@@ -30,7 +31,8 @@ Dragged = Callable[[str, int, np.ndarray, bool], None]
 
 def rgb(color: tuple[float, ...]) -> tuple[int, int, int]:
     """A colour of 0 to 1 as viser has it."""
-    return tuple(round(255 * part) for part in color[:3])
+    red, green, blue = (round(255 * part) for part in color[:3])
+    return red, green, blue
 
 
 @dataclass
@@ -69,7 +71,8 @@ class Drawing:
         self._pieces: dict[int, viser.MeshHandle] = {}
         self._boxes: list[_Box] = []
         self._red: str | None = None
-        self._goal, self._static = None, np.zeros((0, 3))
+        self._goal: np.ndarray | None = None
+        self._static = np.zeros((0, 3))
         self.cloud_shown, self.ghost_shown, self.reaction_shown = True, True, True
         self.free = True
         """Whether things can be dragged."""
@@ -121,13 +124,15 @@ class Drawing:
 
     # -- nodes --
 
-    def _mesh(self, name, mesh, color, **options) -> viser.MeshHandle:
+    def _mesh(
+        self, name: str, mesh: Mesh, color: tuple[int, int, int], **options: Any
+    ) -> viser.MeshHandle:
         vertices, faces = mesh
         return self._scene.add_mesh_simple(
             name, vertices.astype(np.float32), faces, color=color, **options
         )
 
-    def _cloud(self, name: str, color) -> viser.PointCloudHandle:
+    def _cloud(self, name: str, color: tuple[float, ...]) -> viser.PointCloudHandle:
         return self._scene.add_point_cloud(
             name,
             np.zeros((1, 3), np.float32),
@@ -137,7 +142,14 @@ class Drawing:
             point_shading="flat",
         )
 
-    def _figure(self, name: str, paint, opacity: float):
+    def _figure(
+        self,
+        name: str,
+        paint: Callable[[tuple[float, ...]], tuple[int, int, int]],
+        opacity: float,
+    ) -> tuple[
+        list[viser.FrameHandle], dict[tuple[int, tuple[float, float, float]], viser.MeshHandle]
+    ]:
         """Frames of the links, with their meshes; those of a ghost are of one colour, and see-through."""
         ghost = opacity < 1.0
         frames = [
@@ -164,7 +176,7 @@ class Drawing:
             handle.remove()
         self._pieces, self._boxes, self._goal = {}, [], None
         movable = furniture.movable
-        quaternion = np.asarray(matrix_to_quaternion(furniture.primitives().rotation))
+        quaternion = np.asarray(matrix_to_quaternion(jnp.asarray(furniture.rotation)))
         for k in np.flatnonzero(furniture.present):
             added = int(k) in furniture.added
             color = _ADDED if added else FURNITURE if movable[k] else TABLE
@@ -186,13 +198,13 @@ class Drawing:
         self.show(moment, furniture, None)
         self.put_handle(moment)
 
-    def _draggable(self, what: str, index: int, handle: viser.MeshHandle, placed) -> None:
+    def _draggable(self, what: str, index: int, handle: viser.MeshHandle, placed: Any) -> None:
         """Dragging `handle` is told of as moving `placed`, the node whose position is the thing's."""
         grip = np.zeros(3)
 
         # As a coroutine, because viser calls functions out of order.
         @handle.on_drag("left")
-        async def _(event) -> None:
+        async def _(event: Any) -> None:
             nonlocal grip
             if event.phase == "start":
                 grip = np.asarray(placed.position) - np.asarray(event.start_position)
@@ -237,7 +249,8 @@ class Drawing:
         if not box.frame.visible:
             return
         place, rotation = moment.box_position[i], moment.box_rotation[i]
-        size = tuple(float(edge) for edge in 2.0 * moment.box_half_size[i])
+        width, depth, height = (2.0 * moment.box_half_size[i]).tolist()
+        size = (width, depth, height)
         points, seen = moment.points_of(i)
         if box.shape != (shape := (size, seen.tobytes())):
             box.shape, box.solid.scale = shape, size
@@ -263,19 +276,21 @@ class Drawing:
             _visible(frame, self.ghost_shown and bool(away))
 
     def _show_reaction(self, moment: Moment) -> None:
-        reaction, (frames, _) = moment.reaction, self._modified
-        shown = self.reaction_shown and reaction is not None and bool(reaction.active)
-        if shown:
-            _pose(frames, moment.modified)
+        reaction, modified, (frames, _) = moment.reaction, moment.modified, self._modified
+        apart, shown = np.zeros(len(frames), bool), False
+        if self.reaction_shown and reaction is not None and modified is not None:
+            shown = bool(reaction.active)
+        if shown and reaction is not None and modified is not None:
+            _pose(frames, modified)
             ends = [reaction.arm_point, reaction.obstacle_point]
             self._line.points = np.array([ends], np.float32)
-        apart = _apart(moment.modified, moment.arm) if shown else [False] * len(frames)
+            apart = _apart(modified, moment.arm)
         for frame, away in zip(frames, apart, strict=True):
             _visible(frame, bool(away))
         _visible(self._line, shown)
 
 
-def _pose(frames, poses: Frames) -> None:
+def _pose(frames: Sequence[viser.FrameHandle], poses: Frames) -> None:
     for frame, position, quaternion in zip(frames, *poses, strict=True):
         frame.position, frame.wxyz = position, quaternion
 
@@ -288,12 +303,12 @@ def _apart(ghost: Frames, arm: Frames) -> np.ndarray:
     return (off > length) | (cosine < np.cos(angle / 2))
 
 
-def _put(node, position: np.ndarray) -> None:
+def _put(node: Any, position: np.ndarray) -> None:
     if not np.array_equal(node.position, position):
         node.position = position
 
 
-def _visible(node, visible: bool) -> None:
+def _visible(node: Any, visible: bool) -> None:
     if node.visible != visible:
         node.visible = visible
 

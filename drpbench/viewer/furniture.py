@@ -1,6 +1,7 @@
 """The static scene of a problem with pieces that can be moved, boxes that can be added, and its points."""
 
 from dataclasses import replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -22,7 +23,13 @@ _TABLE = 1e-3  # [m] what does not rise above it is the ground things stand on
 def with_room(problem: Problem) -> Problem:
     """The problem of one world, with SPARE primitives more that are not there."""
     o = problem.obstacles
-    filler = {"kind": BOX, "half_size": 0.01, "position": 0.0, "rotation": np.eye(3), "mask": False}
+    filler: dict[str, Any] = {
+        "kind": BOX,
+        "half_size": 0.01,
+        "position": 0.0,
+        "rotation": np.eye(3),
+        "mask": False,
+    }
     padded = {}
     for name, value in filler.items():
         array = np.asarray(getattr(o, name))

@@ -75,11 +75,12 @@ def moment(world: World, policy: Policy, state: State, carry: Any) -> Moment:
     sphere = jnp.argmin(gaps)
     away, which = nearest(centers[sphere], obstacles)
     position, rotation = robot.grip_pose(poses)
-    goal_rotation = quaternion_to_matrix(problem.goal_quaternion)
+    goal = jnp.asarray(problem.goal)
+    goal_rotation = quaternion_to_matrix(jnp.asarray(problem.goal_quaternion))
     reaction = policy.reaction(observation, carry) if isinstance(policy, DcpRmp) else None
-    return Moment(
+    seen: dict[str, Any] = dict(  # on the device; what `jit` returns is fetched as NumPy's
         arm=_frames(robot, state.joint_position),
-        goal=_frames(robot, problem.goal),
+        goal=_frames(robot, goal),
         goal_position=problem.goal_position,
         goal_quaternion=problem.goal_quaternion,
         position_error=jnp.linalg.norm(position - problem.goal_position),
@@ -95,8 +96,9 @@ def moment(world: World, policy: Policy, state: State, carry: Any) -> Moment:
         points=observation.scene_points,
         seen=observation.scene_mask,
         reaction=reaction,
-        modified=None if reaction is None else _frames(robot, reaction.goal_joints),
+        modified=None if reaction is None else _frames(robot, jnp.asarray(reaction.goal_joints)),
     )
+    return Moment(**seen)
 
 
 def _frames(robot: Robot, joints: jax.Array) -> tuple[jax.Array, jax.Array]:

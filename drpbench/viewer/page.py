@@ -8,6 +8,7 @@ import threading
 import time
 from typing import Any
 
+import numpy as np
 import rich
 import viser
 
@@ -62,10 +63,10 @@ class Page:
     def _ask(self, what: str, *values: Any) -> None:
         self._wishes.put((what, values))
 
-    def _dragged(self, what: str, index: int, place, let_go: bool) -> None:
+    def _dragged(self, what: str, index: int, place: np.ndarray, let_go: bool) -> None:
         self._ask("drag", what, index, place, let_go)
 
-    async def _goal_dragged(self, event) -> None:
+    async def _goal_dragged(self, event: Any) -> None:
         handle = event.target
         self._ask("goal", handle.position.copy(), handle.wxyz.copy(), event.phase == "end")
 
@@ -123,11 +124,11 @@ class Page:
         else:
             setattr(self._drawing, f"{what}_shown", on)
 
-    def _on_drag(self, what: str, index: int, place, let_go: bool) -> None:
+    def _on_drag(self, what: str, index: int, place: np.ndarray, let_go: bool) -> None:
         self._note = ""
         self._simulation.move(what, index, place, hold=not let_go, at_once=not self._playing)
 
-    def _on_goal(self, position, quaternion, let_go: bool) -> None:
+    def _on_goal(self, position: np.ndarray, quaternion: np.ndarray, let_go: bool) -> None:
         moved = self._simulation.move_goal(position, quaternion)
         self._note = "" if moved else NO_SOLUTION
         if self._simulation.rehearsing:
@@ -215,5 +216,5 @@ def _server(host: str, port: int) -> viser.ViserServer:
     rich.get_console().quiet = True  # viser's; the command line has one of its own
     server = viser.ViserServer(host=host, port=port, verbose=False)
     # viser could lend its page to the world through a server of its makers. Not this one.
-    server.request_share_url = lambda verbose=True: None
+    server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
     return server

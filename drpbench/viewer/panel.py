@@ -1,6 +1,8 @@
 """The controls beside the picture, and what they say."""
 
+from collections.abc import Callable
 from html import escape
+from typing import Any
 
 import numpy as np
 import viser
@@ -21,10 +23,16 @@ def named(link: str) -> str:
     return link.replace("_", " ")
 
 
+Ask = Callable[..., None]
+"""Is told by name and values what the user wants."""
+
+
 class Panel:
     """Buttons, numbers and the verdict so far. `ask(name, *values)` is told what the user wants."""
 
-    def __init__(self, server: viser.ViserServer, simulation: Simulation, policy: str, ask):
+    def __init__(
+        self, server: viser.ViserServer, simulation: Simulation, policy: str, ask: Ask
+    ) -> None:
         gui, count = server.gui, simulation.problems.count
         self._ask, self._policy = ask, policy
         self._world, self._families = simulation.world, simulation.problems.family
@@ -38,9 +46,7 @@ class Panel:
         speed = gui.add_slider("Speed", min=0.1, max=4.0, step=0.1, initial_value=1.0)
         speed.on_update(lambda event: ask("speed", event.target.value))
         self._number = gui.add_number("Problem", 0, min=0, max=count - 1, step=1)
-        self._number.on_update(
-            lambda event: event.client is not None and ask("open", int(event.target.value))
-        )
+        self._number.on_update(self._typed)
         turn = gui.add_button_group(" ", ("Previous", "Next"))
         turn.on_click(lambda event: ask("turn", 1 if event.target.value == "Next" else -1))
         boxes = gui.add_button_group("Boxes", ("Add a box", "Remove"))
@@ -55,14 +61,19 @@ class Panel:
             gui.add_markdown(_RULES)
         self._playing: bool | None = None
 
-    def _choice(self, gui, label: str, name: str, on: bool) -> None:
+    def _typed(self, event: Any) -> None:
+        """A number was entered in a browser; one that `say_problem` sets has no client."""
+        if event.client is not None:
+            self._ask("open", int(event.target.value))
+
+    def _choice(self, gui: Any, label: str, name: str, on: bool) -> None:
         box = gui.add_checkbox(label, on)
         box.on_update(lambda event: self._ask("show", name, event.target.value))
 
     def say_problem(self, id: int) -> None:
         """Another problem is open."""
         if self._number.value != id:
-            self._number.value = id
+            self._number.value = id  # type: ignore[misc]
 
     def say(
         self, simulation: Simulation, moment: Moment, playing: bool, pace: float, note: str

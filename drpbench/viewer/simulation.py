@@ -232,7 +232,7 @@ class Simulation:
         return jnp.asarray(self._state.problem.goal)
 
     def _nearest_goal(
-        self, position: jax.Array, quaternion: jax.Array
+        self, position: jax.Array | np.ndarray, quaternion: jax.Array | np.ndarray
     ) -> tuple[jax.Array, jax.Array]:
         problem = self._state.problem
         return _solve(problem.obstacles, problem.goal, position, quaternion, jax.random.key(0))
@@ -262,7 +262,7 @@ def _begin(
 
 @partial(jit, static_argnums=(0, 2))
 def _show(
-    world: World, policy: Policy, seed: int, state: State, carry: Any, clock: np.int32
+    world: World, policy: Policy, seed: int, state: State, carry: Any, clock: jax.Array
 ) -> tuple[Observation, Any]:
     """What lies over the host policy makes of what it sees, as a batch of one."""
     shown, carry = one_world.act(world, policy, seed, state, carry, clock)

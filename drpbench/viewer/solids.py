@@ -1,5 +1,6 @@
 """Boxes, cylinders and spheres as triangles, and the arm's links made of them."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -12,7 +13,7 @@ Mesh = tuple[np.ndarray, np.ndarray]
 _ROUND = 28  # corners of a circle
 
 
-def solid(kind: int, half_size: np.ndarray) -> Mesh:
+def solid(kind: int, half_size: Sequence[float] | np.ndarray) -> Mesh:
     """A primitive about the origin; `half_size` as in `Primitives`."""
     vertices, faces = {BOX: _cube, CYLINDER: _rod, SPHERE: _ball}[int(kind)]()
     return vertices * np.asarray(half_size, float), faces
