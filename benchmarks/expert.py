@@ -26,7 +26,7 @@ from drpbench.generation.generator import CHECKER_MARGIN, PATH_CLEARANCE
 from drpbench.geometry import Primitives, quaternion_to_matrix
 from drpbench.leaderboard import wilson
 from drpbench.planning.checker import Checker, sphere_checker
-from drpbench.planning.expert import CHEAP, THOROUGH, Settings, planner
+from drpbench.planning.expert import CHEAP, THOROUGH, PlannerSettings, planner
 from drpbench.planning.retiming import step_lengths
 from drpbench.planning.rrt_connect import Planner
 from drpbench.problems import load
@@ -171,7 +171,9 @@ def by_ompl(sample: Sample, checker: Checker, seed: int) -> tuple[list, np.ndarr
     return paths, np.array(seconds)
 
 
-def by_expert(sample: Sample, settings: Settings, given: np.ndarray | None, batch: int, seed: int):
+def by_expert(
+    sample: Sample, settings: PlannerSettings, given: np.ndarray | None, batch: int, seed: int
+):
     """Plans for all problems, `batch` at a time, and the seconds a problem; compiling left out."""
     compiled, count = planner(settings), len(sample.start)
     keys = jax.random.split(jax.random.key(seed), count)

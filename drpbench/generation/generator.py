@@ -45,11 +45,11 @@ class Draft:
     index: int
     group: Group
     scene: Scene
-    start: np.ndarray  # (7,)
-    goal: np.ndarray  # (7,)
+    start: np.ndarray  # (J,)
+    goal: np.ndarray  # (J,)
     goal_position: np.ndarray  # (3,)
     goal_quaternion: np.ndarray  # (4,)
-    witness: np.ndarray  # (m, 7)
+    witness: np.ndarray  # (m, J)
     attempts: int
 
 
@@ -60,12 +60,13 @@ class Rejected(Exception):
 class Generator:
     """Makes problems one at a time. Holds the compiled checkers, so make one and keep it.
 
-    `meshes` is a checker on the real meshes; without it certificates rest on the spheres alone.
+    `meshes` is a checker on the real meshes; without it certificates rest on the spheres alone. The arm is
+    that of the checkers.
     """
 
     def __init__(self, spheres: Checker, meshes: Checker | None):
         self._spheres, self._meshes = spheres, meshes
-        self._ik = InverseKinematics()
+        self._ik = InverseKinematics(spheres.robot)
         self.rejections: dict[str, int] = {}
 
     def problem(self, task: str, index: int, stream: str = BENCHMARK_STREAM) -> Draft:
@@ -104,7 +105,7 @@ class Generator:
     def solve(
         self, rng: np.random.Generator, scene: Scene, group: Group, stays: bool = False
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Start (7,), goal (7,) and witness (m, 7) of the group's kind in a scene, by the spheres.
+        """Start (J,), goal (J,) and witness (m, J) of the group's kind in a scene, by the spheres.
 
         Where the arm `stays`, its goal is its start. Raises Rejected.
         """
@@ -118,7 +119,7 @@ class Generator:
         return start, goal, self._witness(rng, group, start, goal)
 
     def _configuration(self, rng, scene: Scene, kind: str, accept=lambda q: True) -> np.ndarray:
-        """Configuration (7,) with the hand in a random free (f) or tight (t) region of the scene.
+        """Configuration (J,) with the hand in a random free (f) or tight (t) region of the scene.
 
         Of float32 precision, as it will be stored.
         """
@@ -135,7 +136,7 @@ class Generator:
         raise Rejected(f"no {'tight' if kind == 't' else 'free'} pose")
 
     def _other_end(self, rng, scene: Scene, group: Group, start: np.ndarray) -> np.ndarray:
-        """A goal (7,) whose grip position is at least the group's distance from the start's."""
+        """A goal (J,) whose grip position is at least the group's distance from the start's."""
         origin, _ = self._spheres.grip_pose(start)
 
         def far_enough(q: np.ndarray) -> bool:
@@ -144,7 +145,7 @@ class Generator:
         return self._configuration(rng, scene, group.pair[1], far_enough)
 
     def _witness(self, rng, group: Group, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
-        """Waypoints (m, 7), float32 in value, from start to goal."""
+        """Waypoints (m, J), float32 in value, from start to goal."""
         line_is_free = Planner(self._spheres, 0.0).straight(start, goal)
         if group.family != "table" and line_is_free and rng.uniform() > KEEP_STRAIGHT:
             raise Rejected("the straight line is free")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE
+from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE, quaternion_to_matrix
 from drpbench.geometry import host_rotation as rotation
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
@@ -83,7 +83,7 @@ class HandRegion:
 
     def draw(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Grip position (3,) and quaternion (4,) in the frame the region is expressed in."""
-        frame = rotation.matrix(self.quaternion)
+        frame = quaternion_to_matrix(self.quaternion)
         position = self.centre + frame @ (rng.uniform(-1, 1, 3) * self.half_extent)
         z = frame @ (self.approach / np.linalg.norm(self.approach))
         azimuth = rng.uniform(0, 2 * np.pi)
@@ -131,7 +131,7 @@ class Furniture:
     def placed(self, position, yaw: float) -> Furniture:
         """The same furniture with its frame at `position` (3,), turned by `yaw` [rad] about z."""
         position, turn = np.asarray(position, float), rotation.axis_angle((0, 0, 1), yaw)
-        matrix = rotation.matrix(turn)
+        matrix = quaternion_to_matrix(turn)
         parts = tuple(
             Primitive(
                 p.kind,
@@ -149,7 +149,7 @@ def moved(hand: HandRegion, position: np.ndarray, turn: np.ndarray) -> HandRegio
     """A region carried along by a frame at `position` (3,) with orientation `turn` (4,)."""
     return HandRegion(
         hand.place,
-        position + rotation.matrix(turn) @ hand.centre,
+        position + quaternion_to_matrix(turn) @ hand.centre,
         hand.half_extent,
         hand.approach,
         hand.wide,

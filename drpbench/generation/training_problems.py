@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drpbench.geometry import BOX, MAX_OBSTACLES
+from drpbench.planning import polyline
 from drpbench.planning.checker import sphere_checker
-from drpbench.robot import PANDA
+from drpbench.robot import PANDA, Robot
 
 from .composition import PAIRS, Group
 from .families import FAMILIES
@@ -47,20 +48,20 @@ class Drawn:
     position: np.ndarray  # (K, 3) float32
     quaternion: np.ndarray  # (K, 4) float32
     mask: np.ndarray  # (K,) bool
-    start: np.ndarray  # (7,) float32
-    goal: np.ndarray  # (7,) float32
-    hint: np.ndarray  # (64, 7) float32
+    start: np.ndarray  # (J,) float32
+    goal: np.ndarray  # (J,) float32
+    hint: np.ndarray  # (64, J) float32
     obstructed: bool
 
 
 class Drawer:
     """Draws the numbered problems of one stream. Holds a compiled checker, so make one and keep it."""
 
-    def __init__(self, stream: str = TRAINING_STREAM):
+    def __init__(self, stream: str = TRAINING_STREAM, robot: Robot = PANDA):
         if stream == "benchmark":
             raise ValueError("the benchmark's own stream is not for learning")
         self._stream = zlib.crc32(stream.encode())
-        self._spheres = sphere_checker(CHECKER_MARGIN)
+        self._spheres = sphere_checker(CHECKER_MARGIN, robot)
         self._generator = Generator(self._spheres, None)
 
     def draw(self, index: int) -> Drawn:
@@ -86,7 +87,8 @@ class Drawer:
         if rng.uniform() < OBSTRUCTED_SHARE:
             blocked = self._blocked(rng, scene, start, goal)
             scene, obstructed = (scene, False) if blocked is None else (blocked, True)
-        return _padded(index, family, scene, start, goal, witness, obstructed)
+        hint = evenly(witness, HINT_WAYPOINTS, self._spheres.robot)
+        return _padded(index, family, scene, start, goal, hint, obstructed)
 
     def _blocked(self, rng, scene: Scene, start: np.ndarray, goal: np.ndarray) -> Scene | None:
         """The scene with a box on the goal that leaves the start free; None if none was found."""
@@ -94,13 +96,13 @@ class Drawer:
             return None
         place, _ = self._spheres.grip_pose(goal)
         # A tight start stays as tight as it was.
-        room = min(self._spheres.clearance(start) - 1e-4, FREE_CLEARANCE)
+        clearance = min(self._spheres.clearance(start) - 1e-4, FREE_CLEARANCE)
         for _ in range(_TRIES):
             half = rng.uniform(0.05, 0.2, (1, 3))
             centre = (place + rng.normal(0.0, 0.05, 3))[None]
             blocked = _with_boxes(scene, half, centre, _orientations(rng, 1))
             self._spheres.set_scene(blocked)
-            if self._spheres.clearance(goal) < 0.0 and self._spheres.free(start, room):
+            if self._spheres.clearance(goal) < 0.0 and self._spheres.free(start, clearance):
                 return blocked
         return None
 
@@ -134,7 +136,7 @@ def _with_boxes(scene: Scene, half_size, position, quaternion) -> Scene:
     )
 
 
-def _padded(index, family, scene: Scene, start, goal, witness, obstructed) -> Drawn:
+def _padded(index, family, scene: Scene, start, goal, hint, obstructed) -> Drawn:
     n = scene.count
 
     def pad(values, filler):
@@ -153,17 +155,15 @@ def _padded(index, family, scene: Scene, start, goal, witness, obstructed) -> Dr
         mask=np.arange(MAX_OBSTACLES) < n,
         start=start.astype(np.float32),
         goal=goal.astype(np.float32),
-        hint=evenly(witness, HINT_WAYPOINTS).astype(np.float32),
+        hint=hint.astype(np.float32),
         obstructed=obstructed,
     )
 
 
-def evenly(waypoints: np.ndarray, count: int) -> np.ndarray:
-    """`count` waypoints (count, 7) at even steps along a polyline (m, 7), its corners cut.
+def evenly(waypoints: np.ndarray, count: int, robot: Robot = PANDA) -> np.ndarray:
+    """`count` waypoints (count, J) at even steps along a polyline (m, J), its corners cut.
 
     A step is as long as the joint that is slowest relative to its limit needs for it.
     """
-    steps = np.abs(np.diff(waypoints, axis=0)) / PANDA.velocity_limit
-    ends = np.concatenate([[0.0], np.cumsum(steps.max(axis=1, initial=0.0))])
-    at = np.linspace(0.0, ends[-1], count)
-    return np.stack([np.interp(at, ends, joint) for joint in waypoints.T], axis=1)
+    steps = np.abs(np.diff(waypoints, axis=0)) / robot.velocity_limit
+    return polyline.evenly_on_host(waypoints, steps.max(axis=1, initial=0.0), count)

@@ -1,9 +1,10 @@
-"""Primitive solids: their signed distance, its gradient, and points on their surfaces."""
+"""Distance fields; primitive solids, their distances and surfaces; rotations."""
 
 from .distance import FAR as FAR
 from .distance import nearest as nearest
 from .distance import normal as normal
 from .distance import signed_distance as signed_distance
+from .field import Field as Field
 from .primitives import BOX as BOX
 from .primitives import CYLINDER as CYLINDER
 from .primitives import MAX_OBSTACLES as MAX_OBSTACLES
@@ -11,8 +12,8 @@ from .primitives import SHAPES as SHAPES
 from .primitives import SPHERE as SPHERE
 from .primitives import Primitives as Primitives
 from .primitives import concatenate as concatenate
-from .primitives import matrix_to_quaternion as matrix_to_quaternion
-from .primitives import quaternion_to_matrix as quaternion_to_matrix
-from .primitives import rotation_angle as rotation_angle
+from .rotation import matrix_to_quaternion as matrix_to_quaternion
+from .rotation import quaternion_to_matrix as quaternion_to_matrix
+from .rotation import rotation_angle as rotation_angle
 from .sampling import areas as areas
 from .sampling import sample_surface as sample_surface

@@ -1,11 +1,16 @@
-"""Rotations on the host: unit quaternions (w, x, y, z) and matrices in numpy."""
+"""Single rotations on the host, in double precision: what numbered scenes and problems are drawn with.
+
+`drpbench.geometry.quaternion_to_matrix` turns these quaternions (w, x, y, z) into matrices.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 
-def axis_angle(axis, angle: float) -> np.ndarray:
+def axis_angle(axis: Sequence[float | int] | np.ndarray, angle: float) -> np.ndarray:
     """Quaternion (4,) of a turn by `angle` [rad] about `axis` (3,), which need not be of unit length."""
     axis = np.asarray(axis, float)
     axis = axis / np.linalg.norm(axis)
@@ -21,18 +26,6 @@ def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
             w * b[1] + x * b[0] + y * b[3] - z * b[2],
             w * b[2] - x * b[3] + y * b[0] + z * b[1],
             w * b[3] + x * b[2] - y * b[1] + z * b[0],
-        ]
-    )
-
-
-def matrix(quaternion: np.ndarray) -> np.ndarray:
-    """Rotation matrix (3, 3) of a unit quaternion (4,)."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
 

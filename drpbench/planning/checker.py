@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 
+from drpbench.errors import DrpbenchError
 from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE
-from drpbench.robot import PANDA
+from drpbench.robot import PANDA, Robot
 
-# Collision bits: links against obstacles, and links against links (by pairs). link0 does not move
+# Collision bits: links against obstacles, and links against links (by pairs). The base does not move
 # and stands on the table, so no motion puts it into an obstacle; see `base_clearance`.
 _OBSTACLE, _SELF = 1, 2
 _GEOM_TYPE = {
@@ -26,14 +28,12 @@ _GEOM_TYPE = {
 }
 
 
-def _self_pairs() -> set[tuple[str, str]]:
-    """Pairs of links that can touch. The hand's frame carries the fingers."""
-    names = {i: (PANDA.link_names[i],) if i < 8 else PANDA.link_names[8:] for i in range(9)}
+def _self_pairs(robot: Robot) -> set[frozenset[str]]:
+    """Pairs of links that can touch: those of the frames that can."""
     pairs = set()
-    for first, second in PANDA.self_collision_blocks:
-        for a in first:
-            for b in second:
-                pairs |= {tuple(sorted((x, y))) for x in names[a] for y in names[b]}
+    for block in robot.self_collision_blocks:
+        first, second = ([one.name for one in robot.links if one.frame in group] for group in block)
+        pairs |= {frozenset((a, b)) for a in first for b in second}
     return pairs
 
 
@@ -43,9 +43,10 @@ class Checker:
     `margin` [m] is the largest clearance that is told apart: everything farther reads as `margin`.
     """
 
-    def __init__(self, spec: mujoco.MjSpec, margin: float):
-        self.margin = margin
-        self.model = _compile(spec, margin)
+    def __init__(self, spec: mujoco.MjSpec, margin: float, robot: Robot = PANDA):
+        """`spec` is the arm `robot` with its collision geoms and a site `grip`."""
+        self.margin, self.robot = margin, robot
+        self.model = _compile(spec, margin, robot)
         self.data = mujoco.MjData(self.model)
         self._grip = self.model.site("grip").id
         model = self.model
@@ -61,11 +62,13 @@ class Checker:
         for bits in (self.model.body_contype, self.model.body_conaffinity):
             bits[self._bodies] = 0
 
-    def set_scene(self, scene) -> None:
+    def set_scene(self, scene: Any) -> None:
         """Puts the obstacles of `scene` into the model, in place of those that were there."""
         self.set_obstacles(scene.kind, scene.half_size, scene.position, scene.quaternion)
 
-    def set_obstacles(self, kind, half_size, position, quaternion) -> None:
+    def set_obstacles(
+        self, kind: np.ndarray, half_size: np.ndarray, position: np.ndarray, quaternion: np.ndarray
+    ) -> None:
         """As `set_scene`, from arrays (n,), (n, 3), (n, 3), (n, 4); the first is the table."""
         self._clear()
         model = self.model
@@ -89,12 +92,12 @@ class Checker:
         self.obstacle_count = len(kind)
 
     def clearance(self, q: np.ndarray) -> float:
-        """Smallest distance [m] of the arm at joints `q` (7,), at most `margin`.
+        """Smallest distance [m] of the arm at joints `q` (J,), at most `margin`.
 
         Negative is a penetration, of an obstacle or of the arm with itself; a distance between two
         links that do not touch does not count.
         """
-        self.data.qpos[:7] = q
+        self.data.qpos[: self.robot.joints] = q
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
         if self.data.ncon == 0:
@@ -102,13 +105,13 @@ class Checker:
         return min(float(self.data.contact.dist.min()), self.margin)
 
     def free(self, q: np.ndarray, clearance: float = 0.0) -> bool:
-        """Whether the arm at `q` (7,) is farther than `clearance` from all, and not in itself."""
+        """Whether the arm at `q` (J,) is farther than `clearance` from all, and not in itself."""
         return self.clearance(q) > clearance
 
     def base_clearance(self) -> float:
-        """Distance [m], at most `margin`, of the immovable link0 from all obstacles but the table."""
+        """Distance [m], at most `margin`, of the immovable base from all obstacles but the table."""
         mujoco.mj_kinematics(self.model, self.data)
-        base = self.model.body("link0")
+        base = self.model.body(self.robot.links[0].name)
         own = range(base.geomadr[0], base.geomadr[0] + base.geomnum[0])
         nearest = self.margin
         for obstacle in self._geoms[1 : self.obstacle_count]:
@@ -120,7 +123,7 @@ class Checker:
         return nearest
 
     def contacts(self, q: np.ndarray) -> list[tuple[str, str, float]]:
-        """Pairs (link, link or "obstacle i") within the margin at `q` (7,), with distances [m]."""
+        """Pairs (link, link or "obstacle i") within the margin at `q` (J,), with distances [m]."""
         self.clearance(q)
         found = []
         for (a, b), distance in zip(self.data.contact.geom, self.data.contact.dist, strict=True):
@@ -130,8 +133,8 @@ class Checker:
         return sorted(found, key=lambda contact: contact[2])
 
     def grip_pose(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Position (3,) and rotation matrix (3, 3) of the grip frame at `q` (7,)."""
-        self.data.qpos[:7] = q
+        """Position (3,) and rotation matrix (3, 3) of the grip frame at `q` (J,)."""
+        self.data.qpos[: self.robot.joints] = q
         mujoco.mj_kinematics(self.model, self.data)
         return (
             self.data.site_xpos[self._grip].copy(),
@@ -139,32 +142,36 @@ class Checker:
         )
 
 
-def sphere_checker(margin: float = 0.02) -> Checker:
+def sphere_checker(margin: float = 0.02, robot: Robot = PANDA) -> Checker:
     """Checker on the arm's collision spheres."""
-    spec = PANDA.spec()
-    by_link = json.loads((PANDA.folder / "spheres.json").read_text())
-    for link in PANDA.link_names:
-        for x, y, z, radius in by_link[link]:
+    spec = robot.spec()
+    by_link = json.loads((robot.folder / "spheres.json").read_text())
+    for link in robot.link_names:
+        for x, y, z, radius in by_link.get(link, []):
             geom = spec.body(link).add_geom()
             geom.type, geom.size, geom.pos = mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0], [x, y, z]
-    return Checker(spec, margin)
+    return Checker(spec, margin, robot)
 
 
-def mesh_checker(model: Path, margin: float = 0.02) -> Checker:
+def mesh_checker(model: Path, margin: float = 0.02, robot: Robot = PANDA) -> Checker:
     """Checker on the real meshes, each by its convex hull, the fingers' too: a certificate may ask for
-    more room than the fingers need. `model` is what `drpbench.robot.find_mesh_model` returns.
+    more clearance than the fingers need. `model` is what `robot.meshes.find` returns.
+
+    Raises DrpbenchError for an arm without real meshes.
     """
-    return Checker(PANDA.meshes.spec(model, finger_pieces=1), margin)
+    if robot.meshes is None:
+        raise DrpbenchError(f"expected an arm with real meshes, got {robot.name!r}, which has none")
+    return Checker(robot.meshes.spec(model, finger_pieces=1), margin, robot)
 
 
-def _compile(spec: mujoco.MjSpec, margin: float) -> mujoco.MjModel:
+def _compile(spec: mujoco.MjSpec, margin: float, robot: Robot) -> mujoco.MjModel:
     """The arm of `spec` with obstacle slots, set up for collision detection alone."""
     for geom in spec.geoms:
         geom.contype, geom.conaffinity = _OBSTACLE | _SELF, _SELF
-    pairs = _self_pairs()
-    for i, a in enumerate(PANDA.link_names):
-        for b in PANDA.link_names[i + 1 :]:
-            if tuple(sorted((a, b))) not in pairs:
+    pairs = _self_pairs(robot)
+    for i, a in enumerate(robot.link_names):
+        for b in robot.link_names[i + 1 :]:
+            if frozenset((a, b)) not in pairs:
                 spec.add_exclude(bodyname1=a, bodyname2=b)
     for slot in range(MAX_OBSTACLES):
         # One static body for each obstacle: MuJoCo's broad phase works on bodies.

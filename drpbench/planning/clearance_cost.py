@@ -1,92 +1,113 @@
 """What nearness costs a configuration, with its gradient and Gauss-Newton Hessian in closed form."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from drpbench.compile import stored
-from drpbench.geometry import Primitives, nearest, normal
-from drpbench.robot import PANDA, LinkPoses
+from drpbench.geometry import Field
+from drpbench.robot import PANDA, BodyPoints, Robot, directional_jacobian
 
-# Of `Robot.self_collision_blocks` the large one: forearm, wrist and hand against base
-# and shoulder. The other, link5 against the hand, hardly ever meets; the final check sees both.
-_TRUNK, _HAND = (0, 1, 2), (5, 6, 7, 8)
-_MODEL = PANDA.spheres
-_MOVING = np.nonzero(_MODEL.link > 0)[0]
-_OUTER = np.nonzero(np.isin(_MODEL.frame, _HAND))[0]
-_INNER = np.nonzero(np.isin(_MODEL.frame, _TRUNK))[0]
-_INDEX_RANGE = 32  # more than there are inner spheres
+
+@dataclass(frozen=True)
+class _Spheres:
+    """An arm's spheres, and which of them the cost looks at."""
+
+    model: BodyPoints
+    moving: np.ndarray
+    """Against obstacles."""
+    outer: np.ndarray
+    inner: np.ndarray
+    """The outer against the inner: the first of `Robot.self_collision_blocks`. The others hardly ever meet;
+    the final check sees all."""
+
+    @property
+    def index_range(self) -> int:
+        """A power of two, no less than there are inner spheres."""
+        return 1 << (len(self.inner) - 1).bit_length()
+
+
+@cache
+def _spheres(robot: Robot) -> _Spheres:
+    model = robot.spheres
+    inner, outer = robot.self_collision_blocks[0] if robot.self_collision_blocks else ((), ())
+    return _Spheres(
+        model=model,
+        moving=np.nonzero(model.frame > 0)[0],
+        outer=np.nonzero(np.isin(model.frame, outer))[0],
+        inner=np.nonzero(np.isin(model.frame, inner))[0],
+    )
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Gaps:
-    """Room [m] around spheres of the arm, by their surfaces; negative where they touch.
+    """Clearance [m] of spheres of the arm, by their surfaces; negative where they touch.
 
-    `obstacle`: of the moving spheres, from the nearest obstacle; `own`: of the spheres of link5 to the
-    hand, from the nearest sphere of link0 to link2.
+    `obstacle`: of the moving spheres, from the nearest obstacle; `own`: of the spheres of the second group
+    of the first of `Robot.self_collision_blocks`, from the nearest sphere of its first group.
     """
 
     obstacle: Float[Array, "*batch S"]
     own: Float[Array, "*batch O"]
 
 
-def everywhere(room: float) -> Gaps:
-    """The same room [m] around every sphere."""
-    return Gaps(jnp.full(len(_MOVING), room), jnp.full(len(_OUTER), room))
+def everywhere(clearance: float, robot: Robot = PANDA) -> Gaps:
+    """The same clearance [m] of every sphere."""
+    spheres = _spheres(robot)
+    return Gaps(
+        jnp.full(len(spheres.moving), clearance),
+        jnp.full(len(spheres.outer), clearance),
+    )
 
 
-def _own(points: Float[Array, "N 3"]) -> tuple[Array, Array, Array]:
+def _own(
+    points: Float[Array, "N 3"], spheres: _Spheres
+) -> tuple[Float[Array, " O"], Float[Array, "O 3"], Int[Array, " O"]]:
     """Gap, direction, and frame of the inner sphere that is nearest, for each outer sphere.
 
     Distance, in micrometres, and index travel as one integer, as in `drpbench.geometry.distance`.
     """
-    outer, inner = points[_OUTER], points[_INNER]
-    radius = jnp.asarray(_MODEL.radius[_INNER])
+    outer, inner = points[spheres.outer], points[spheres.inner]
+    if not len(inner) or not len(outer):
+        return jnp.zeros(0), jnp.zeros((0, 3)), jnp.zeros(0, jnp.int32)
+    radius = jnp.asarray(spheres.model.radius[spheres.inner])
+    index_range = spheres.index_range
 
     def visit(least, sphere):
         x, y, z, radius, index = sphere
         dx, dy, dz = outer[:, 0] - x, outer[:, 1] - y, outer[:, 2] - z
         gap = jnp.sqrt(dx * dx + dy * dy + dz * dz) - radius
-        return jnp.minimum(least, (1.0e6 * gap).astype(jnp.int32) * _INDEX_RANGE + index), None
+        return jnp.minimum(least, (1.0e6 * gap).astype(jnp.int32) * index_range + index), None
 
-    start = jnp.full(len(_OUTER), 2**30, jnp.int32)
-    spheres_in_turn = (inner[:, 0], inner[:, 1], inner[:, 2], radius, jnp.arange(len(_INNER)))
-    least, _ = jax.lax.scan(visit, start, spheres_in_turn, unroll=True)
-    which = stored(least & (_INDEX_RANGE - 1))
+    start = jnp.full(len(outer), 2**30, jnp.int32)
+    in_turn = (inner[:, 0], inner[:, 1], inner[:, 2], radius, jnp.arange(len(inner)))
+    least, _ = jax.lax.scan(visit, start, in_turn, unroll=True)
+    which = stored(least & (index_range - 1))
     apart = outer - inner[which]
     distance = jnp.sqrt(jnp.sum(apart * apart, axis=1))
-    gap = distance - radius[which] - _MODEL.radius[_OUTER]
-    return gap, apart / distance[:, None], jnp.asarray(_MODEL.frame[_INNER])[which]
+    gap = distance - radius[which] - spheres.model.radius[spheres.outer]
+    frame = jnp.asarray(spheres.model.frame[spheres.inner])
+    return gap, apart / distance[:, None], frame[which]
 
 
-def gaps(q: Float[Array, "7"], obstacles: Primitives) -> Gaps:
-    """The room at joints `q` [rad] among `obstacles` (K,)."""
-    points = _MODEL.world(PANDA.link_poses(q))
-    distance, _ = nearest(points[_MOVING], obstacles)
-    return Gaps(distance - _MODEL.radius[_MOVING], _own(points)[0])
-
-
-def _rows(poses: LinkPoses, points, directions, above, frame):
-    """(N, 7): how fast each point moves along its direction with each joint in (above, frame].
-
-    n . (z x (p - o)) = z . (p x n) - n . (z x o): one cross product a point and one a joint.
-    """
-    axes, origins = poses.rotation[1:8, :, 2], poses.position[1:8]
-    turn = jnp.einsum("kx,jx->kj", jnp.cross(points, directions), axes, precision="highest")
-    shift = jnp.einsum("kx,jx->kj", directions, jnp.cross(axes, origins), precision="highest")
-    joint = np.arange(1, 8)
-    moves = (joint > above[:, None]) & (joint <= np.minimum(frame, 7)[:, None])
-    return jnp.where(moves, turn - shift, 0.0)
+def gaps(q: Float[Array, " J"], obstacles: Field, robot: Robot = PANDA) -> Gaps:
+    """The clearance at joints `q` [rad] among `obstacles`."""
+    spheres = _spheres(robot)
+    points = spheres.model.world(robot.link_poses(q))
+    # By the same function as the cost's: in another, what is nearest may differ by a rounding.
+    distance, _ = obstacles.distance_and_normal(points[spheres.moving])
+    return Gaps(distance - spheres.model.radius[spheres.moving], _own(points, spheres)[0])
 
 
 def clearance_cost(
-    q: Float[Array, "7"], obstacles: Primitives, activation: Gaps
-) -> tuple[Float[Array, ""], Float[Array, "7"], Float[Array, "7 7"]]:
-    """Cost [m^2], gradient and Gauss-Newton Hessian at joints `q` [rad], obstacles (K,) unbatched.
+    q: Float[Array, " J"], obstacles: Field, activation: Gaps, robot: Robot = PANDA
+) -> tuple[Float[Array, ""], Float[Array, " J"], Float[Array, "J J"]]:
+    """Cost [m^2], gradient and Gauss-Newton Hessian at joints `q` [rad] among `obstacles`.
 
     With d_k the gaps of `Gaps` and a_k the `activation`:
 
@@ -94,24 +115,21 @@ def clearance_cost(
 
     over the spheres with r_k > 0, J the gaps' derivative by q.
     """
-    poses = PANDA.link_poses(q)
-    points = _MODEL.world(poses)
-    moving = points[_MOVING]
-    distance, which = nearest(moving, obstacles)
-    own, apart, above = _own(points)
-    fixed = jnp.zeros(len(_MOVING), points.dtype)
-    rows = _rows(
+    spheres = _spheres(robot)
+    model, moving = spheres.model, spheres.moving
+    poses = robot.link_poses(q)
+    points = model.world(poses)
+    distance, normal = obstacles.distance_and_normal(points[moving])
+    own, apart, above = _own(points, spheres)
+    rows = directional_jacobian(
         poses,
-        jnp.concatenate([moving, points[_OUTER]]),
-        jnp.concatenate([normal(moving, obstacles, which), apart]),
-        jnp.concatenate([fixed, above]),
-        _MODEL.frame[np.concatenate([_MOVING, _OUTER])],
+        jnp.concatenate([points[moving], points[spheres.outer]]),
+        jnp.concatenate([normal, apart]),
+        jnp.concatenate([jnp.zeros(len(moving), above.dtype), above]),
+        model.frame[np.concatenate([moving, spheres.outer])],
     )
     residual = jnp.concatenate(
-        [
-            activation.obstacle - (distance - _MODEL.radius[_MOVING]),
-            activation.own - own,
-        ]
+        [activation.obstacle - (distance - model.radius[moving]), activation.own - own]
     )
     residual = jnp.maximum(residual, 0.0)
     rows = jnp.where((residual > 0.0)[:, None], rows, 0.0)

@@ -16,9 +16,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from drpbench.geometry import quaternion_to_matrix
-from drpbench.robot import PANDA
+from drpbench.robot import PANDA, Robot
 
-LIMIT_MARGIN = 0.05  # [rad] that a solution keeps from the joint limits
+from .joint_limits import inner_limits
+
 POSITION_TOLERANCE = 1e-4  # [m]
 ORIENTATION_TOLERANCE = 1e-3  # [rad]
 _ITERATIONS = 40
@@ -31,10 +32,10 @@ class Solutions:
     """Configurations `q` [rad] for one pose, one a seed, with what is left of the errors.
 
     `position_error` [m], `orientation_error` [rad]; `converged` where both are within tolerance. All
-    keep LIMIT_MARGIN from the joint limits.
+    keep `LIMIT_MARGIN` from the joint limits.
     """
 
-    q: Float[Array, "*batch S 7"] | Float[np.ndarray, "*batch S 7"]
+    q: Float[Array, "*batch S J"] | Float[np.ndarray, "*batch S J"]
     position_error: Float[Array, "*batch S"] | Float[np.ndarray, "*batch S"]
     orientation_error: Float[Array, "*batch S"] | Float[np.ndarray, "*batch S"]
     converged: Bool[Array, "*batch S"] | Bool[np.ndarray, "*batch S"]
@@ -66,14 +67,13 @@ def rotation_vector(rotation: Float[Array, "3 3"]) -> Float[Array, "3"]:
     return jnp.where(half_turn, angle * about, scale * skew)
 
 
-def _seeds(key, position, count, lower, upper):
-    """(S, 7) about the home posture, turned towards the position, with any turn of the hand."""
+def _seeds(key, position, count, lower, upper, robot):
+    """(S, J) about the home posture, turned towards the position, with any turn of the hand."""
     about_key, hand_key = jax.random.split(key)
-    seeds = PANDA.home.astype(np.float32) + PANDA.home_spread.astype(
-        np.float32
-    ) * jax.random.uniform(about_key, (count, 7), minval=-1.0, maxval=1.0)
+    offsets = jax.random.uniform(about_key, (count, robot.joints), minval=-1.0, maxval=1.0)
+    seeds = robot.home.astype(np.float32) + robot.home_spread.astype(np.float32) * offsets
     seeds = seeds.at[:, 0].add(jnp.arctan2(position[1], position[0]))
-    seeds = seeds.at[:, 6].set(jax.random.uniform(hand_key, (count,), minval=-2.5, maxval=2.5))
+    seeds = seeds.at[:, -1].set(jax.random.uniform(hand_key, (count,), minval=-2.5, maxval=2.5))
     return jnp.clip(seeds, lower, upper)
 
 
@@ -82,17 +82,17 @@ def solve(
     quaternion: Float[Array, "4"],
     key: PRNGKeyArray,
     seeds: int = 16,
+    robot: Robot = PANDA,
 ) -> Solutions:
     """Descends to the grip pose (`position` [m], unit `quaternion` wxyz) from each of `seeds`."""
     wanted = quaternion_to_matrix(quaternion)
-    lower = PANDA.joint_lower.astype(np.float32) + LIMIT_MARGIN
-    upper = PANDA.joint_upper.astype(np.float32) - LIMIT_MARGIN
+    lower, upper = inner_limits(robot, np.float32)
 
     def errors(q):
-        poses = PANDA.link_poses(q)
-        here, rotation = PANDA.grip_pose(poses)
+        poses = robot.link_poses(q)
+        here, rotation = robot.grip_pose(poses)
         turn = jnp.matmul(wanted, rotation.T, precision="highest")
-        return jnp.concatenate([position - here, rotation_vector(turn)]), PANDA.grip_jacobian(poses)
+        return jnp.concatenate([position - here, rotation_vector(turn)]), robot.grip_jacobian(poses)
 
     def damped(jacobian, error, damping):
         square = jnp.matmul(jacobian, jacobian.T, precision="highest") + damping * jnp.eye(6)
@@ -120,6 +120,6 @@ def solve(
         )
         return q, jnp.sqrt(jnp.sum(error[:3] ** 2)), jnp.sqrt(jnp.sum(error[3:] ** 2))
 
-    q, off, turned = jax.vmap(descend)(_seeds(key, position, seeds, lower, upper))
+    q, off, turned = jax.vmap(descend)(_seeds(key, position, seeds, lower, upper, robot))
     converged = (off <= POSITION_TOLERANCE) & (turned <= ORIENTATION_TOLERANCE)
     return Solutions(q, off, turned, converged)

@@ -1,25 +1,35 @@
-"""How far the arm moves at most between two configurations, and straight joint-space motions."""
+"""How far the arm moves at most between two configurations, and samples that are close by that measure.
 
-from __future__ import annotations
+Joint i turning by d moves no point of the arm farther than lever_i |d| (`Robot.lever`).
+"""
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
-from drpbench.robot import PANDA
+from drpbench.robot import PANDA, Robot
 
-
-def bound(a: np.ndarray, b: np.ndarray) -> float:
-    """Metres that no point of the arm exceeds on the joint-space line from `a` (7,) to `b` (7,)."""
-    return float(PANDA.lever @ np.abs(b - a))
+from . import polyline
 
 
-def line(a: np.ndarray, b: np.ndarray, resolution: float) -> np.ndarray:
-    """Samples (m, 7) from `a` (left out) to `b`, with no point moving over `resolution` [m] between."""
-    count = max(1, int(np.ceil(bound(a, b) / resolution)))
-    return a + (b - a) * (np.arange(1, count + 1) / count)[:, None]
+def bound(a: np.ndarray, b: np.ndarray, robot: Robot = PANDA) -> float:
+    """Metres that no point of the arm exceeds on the joint-space line from `a` (J,) to `b` (J,)."""
+    return float(robot.lever @ np.abs(b - a))
 
 
-def samples(waypoints: np.ndarray, resolution: float) -> np.ndarray:
-    """Samples (m, 7) along the whole polyline `waypoints` (k, 7), its first point included."""
-    pieces = [waypoints[:1]]
-    pieces += [line(a, b, resolution) for a, b in zip(waypoints[:-1], waypoints[1:], strict=True)]
-    return np.concatenate(pieces)
+def samples(waypoints: np.ndarray, resolution: float, robot: Robot = PANDA) -> np.ndarray:
+    """Samples (m, J) along the polyline `waypoints` (k, J), each waypoint among them.
+
+    No point of the arm moves over `resolution` [m] from one to the next.
+    """
+    bounds = [bound(a, b, robot) for a, b in zip(waypoints[:-1], waypoints[1:], strict=True)]
+    return polyline.divided(waypoints, [max(1, int(np.ceil(b / resolution))) for b in bounds])
+
+
+def even_samples(
+    path: Float[Array, "T J"], count: int, robot: Robot = PANDA
+) -> tuple[Float[Array, "{count} J"], Float[Array, ""]]:
+    """`count` samples of a polyline and the motion [m] that no point of the arm exceeds between two."""
+    steps = jnp.sum(jnp.abs(jnp.diff(path, axis=0)) * robot.lever.astype(np.float32), axis=1)
+    points, whole = polyline.evenly(path, steps, count)
+    return points, whole / (count - 1)

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from drpbench.robot import PANDA
+from drpbench.robot import PANDA, Robot
 
+from . import polyline
 from .spline import natural_slopes
 
 _GRID = 512  # intervals of the path on which its speed is planned
@@ -19,36 +20,24 @@ _BEND_SHARE = (
 _TINY = 1.0e-6
 
 
-def step_lengths(path: Float[Array, "T 7"]) -> Float[Array, " T-1"]:
-    """Length [s] of each step of a polyline: max_i |dq_i| / VELOCITY_LIMIT_i, its least duration."""
+def step_lengths(path: Float[Array, "T J"], robot: Robot = PANDA) -> Float[Array, " T-1"]:
+    """Length [s] of each step of a polyline: max_i |dq_i| / velocity_limit_i, its least duration."""
     return jnp.max(
-        jnp.abs(jnp.diff(path, axis=0)) / PANDA.velocity_limit.astype(np.float32), axis=1
+        jnp.abs(jnp.diff(path, axis=0)) / robot.velocity_limit.astype(np.float32), axis=1
     )
 
 
 def uniform(
-    path: Float[Array, "T 7"], count: int
-) -> tuple[Float[Array, "{count} 7"], Float[Array, ""]]:
+    path: Float[Array, "T J"], count: int, robot: Robot = PANDA
+) -> tuple[Float[Array, "{count} J"], Float[Array, ""]]:
     """The polyline `path` at `count` points of equal steps in length, and its whole length [s].
 
-    The length of a step is max_i |dq_i| / VELOCITY_LIMIT_i, so the length of a path is the least time
-    in which the velocity limits let the arm follow it. First and last points are kept exactly; a path
-    of no length gives `count` times its first point.
+    The length of a step is `step_lengths`, so the length of a path is the least time in which the velocity
+    limits let the arm follow it. First and last points are kept exactly; a path of no length gives
+    `count` times its first point.
     """
-    ends = jnp.concatenate([jnp.zeros(1), jnp.cumsum(step_lengths(path))])
-    wanted = jnp.linspace(0.0, 1.0, count) * ends[-1]
-    return along(path, ends, wanted).at[0].set(path[0]).at[-1].set(path[-1]), ends[-1]
-
-
-def along(
-    path: Float[Array, "T 7"], ends: Float[Array, " T"], wanted: Float[Array, " N"]
-) -> Float[Array, "N 7"]:
-    """Points of a polyline at the lengths `wanted`, `ends` being the lengths up to its waypoints."""
-    # Comparing with all of them is faster than a search, paths being short.
-    step = jnp.sum(wanted[:, None] >= ends[None, 1:-1], axis=1)
-    low, high = ends[step], ends[step + 1]
-    share = jnp.where(high > low, (wanted - low) / jnp.where(high > low, high - low, 1.0), 0.0)
-    return path[step] + jnp.clip(share, 0.0, 1.0)[:, None] * (path[step + 1] - path[step])
+    points, whole = polyline.evenly(path, step_lengths(path, robot), count)
+    return points.at[0].set(path[0]).at[-1].set(path[-1]), whole
 
 
 @jax.tree_util.register_dataclass
@@ -56,11 +45,11 @@ def along(
 class Trajectory:
     """Joint positions [rad] at N equal steps of time, from rest to rest in `duration` [s]."""
 
-    q: Float[Array, "*batch N 7"] | Float[np.ndarray, "*batch N 7"]
+    q: Float[Array, "*batch N J"] | Float[np.ndarray, "*batch N J"]
     duration: Float[Array, "*batch"] | Float[np.ndarray, "*batch"]
 
 
-def retime(path: Float[Array, "T 7"], count: int = 256) -> Trajectory:
+def retime(path: Float[Array, "T J"], count: int = 256, robot: Robot = PANDA) -> Trajectory:
     """`path` (T waypoints, T at least 3) in time, within the velocity, acceleration and jerk limits.
 
     The path is the natural cubic spline q(s) through the waypoints. With x = (ds/dt)^2 and u = d2s/dt2
@@ -78,7 +67,7 @@ def retime(path: Float[Array, "T 7"], count: int = 256) -> Trajectory:
     _, first, second = jax.vmap(partial(_spline, path, slopes))(s)
     first, second = jnp.maximum(jnp.abs(first), _TINY), jnp.maximum(jnp.abs(second), _TINY)
     fastest, strongest = (
-        jnp.asarray(limit, path.dtype) for limit in (PANDA.velocity_limit, PANDA.acceleration_limit)
+        jnp.asarray(limit, path.dtype) for limit in (robot.velocity_limit, robot.acceleration_limit)
     )
     ceiling = jnp.min(jnp.minimum((fastest / first) ** 2, _BEND_SHARE * strongest / second), axis=1)
 
@@ -97,7 +86,7 @@ def retime(path: Float[Array, "T 7"], count: int = 256) -> Trajectory:
     speed = jnp.sqrt(x)
     # Between two points of the grid d2s/dt2 is constant.
     times = 2.0 * step / (speed[:-1] + speed[1:])
-    ends = jnp.concatenate([jnp.zeros(1), jnp.cumsum(times)])
+    ends = polyline.ends(times)
     wanted = jnp.linspace(0.0, 1.0, count) * ends[-1]
     at = jnp.sum(wanted[:, None] >= ends[None, 1:-1], axis=1)
     since = wanted - ends[at]
@@ -105,17 +94,17 @@ def retime(path: Float[Array, "T 7"], count: int = 256) -> Trajectory:
     place = s[at] + jnp.clip(since * (speed[at] + 0.5 * push * since), 0.0, step)
     q = jax.vmap(lambda s: _spline(path, slopes, s)[0])(place)
     q = q.at[0].set(path[0]).at[-1].set(path[-1])
-    return Trajectory(q, ends[-1] * _slowing(q, ends[-1] / (count - 1)))
+    return Trajectory(q, ends[-1] * _slowing(q, ends[-1] / (count - 1), robot))
 
 
-def _slowing(q: Float[Array, "N 7"], step: Float[Array, ""]) -> Float[Array, ""]:
+def _slowing(q: Float[Array, "N J"], step: Float[Array, ""], robot: Robot) -> Float[Array, ""]:
     """By which factor samples `step` [s] apart must be slowed down, starting and ending at rest."""
     q = jnp.concatenate([jnp.repeat(q[:1], 3, axis=0), q, jnp.repeat(q[-1:], 3, axis=0)])
     needed = jnp.ones(())
     for order, limit in (
-        (1, PANDA.velocity_limit),
-        (2, PANDA.acceleration_limit),
-        (3, PANDA.jerk_limit),
+        (1, robot.velocity_limit),
+        (2, robot.acceleration_limit),
+        (3, robot.jerk_limit),
     ):
         difference = jnp.max(jnp.abs(jnp.diff(q, n=order, axis=0)) / limit.astype(np.float32))
         needed = jnp.maximum(needed, (difference / step**order) ** (1.0 / order))

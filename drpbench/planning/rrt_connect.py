@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from drpbench.planning import motion
-from drpbench.robot import PANDA
+from drpbench.robot import Robot
 
+from . import motion
 from .checker import Checker
-from .mink_ik import LIMIT_MARGIN
+from .joint_limits import inner_limits
 
 FINE = 0.01  # [m] of motion between checks near obstacles
 COARSE = 0.04  # [m] of motion between checks in the open
@@ -24,22 +24,26 @@ class Planner:
     """
 
     def __init__(self, checker: Checker, clearance: float):
-        self._checker, self._clearance = checker, clearance
+        self._checker, self._clearance, self._robot = checker, clearance, checker.robot
         self.checks = 0
+        """Configurations checked so far."""
+
+    def _bound(self, a: np.ndarray, b: np.ndarray) -> float:
+        return motion.bound(a, b, self._robot)
 
     def _walk(self, a: np.ndarray, b: np.ndarray) -> float:
         """Share of the line from `a` (free) to `b` that can be walked; 1 is all of it."""
-        length = motion.bound(a, b)
+        length = self._bound(a, b)
         if length == 0:
             return 1.0
         travelled, step = 0.0, FINE
         while travelled < length:
             ahead = min(travelled + step, length)
             self.checks += 1
-            room = self._checker.clearance(a + (b - a) * (ahead / length)) - self._clearance
-            if room <= 0:
+            spare = self._checker.clearance(a + (b - a) * (ahead / length)) - self._clearance
+            if spare <= 0:
                 return travelled / length
-            travelled, step = ahead, min(max(room, FINE), COARSE)
+            travelled, step = ahead, min(max(spare, FINE), COARSE)
         return 1.0
 
     def straight(self, a: np.ndarray, b: np.ndarray) -> bool:
@@ -49,17 +53,19 @@ class Planner:
     def plan(
         self, rng: np.random.Generator, start: np.ndarray, goal: np.ndarray, max_checks: int
     ) -> np.ndarray | None:
-        """Waypoints (k, 7) from `start` to `goal`, or None after `max_checks` checks."""
+        """Waypoints (k, J) from `start` to `goal`, or None after `max_checks` checks."""
         first_check = self.checks
         if self.straight(start, goal):
             return np.stack([start, goal])
-        here, there = _Tree(start), _Tree(goal)
-        lower, upper = PANDA.joint_lower + LIMIT_MARGIN, PANDA.joint_upper - LIMIT_MARGIN
+        here, there = _Tree(start, self._robot), _Tree(goal, self._robot)
+        lower, upper = inner_limits(self._robot)
         while self.checks - first_check < max_checks:
             if rng.uniform() < 0.5:
                 target = rng.uniform(lower, upper)
             else:  # near the line between the two: most detours are not far
-                target = start + rng.uniform() * (goal - start) + rng.normal(0, 0.8, 7)
+                target = (
+                    start + rng.uniform() * (goal - start) + rng.normal(0, 0.8, self._robot.joints)
+                )
                 target = np.clip(target, lower, upper)
             node = self._grow(here, target, reach=2 * _SPACING)
             if node is not None:
@@ -75,11 +81,11 @@ class Planner:
         """Walks from the nearest node towards `target`, at most `reach` [m]; the last node added."""
         index = tree.nearest(target)
         origin = tree.points[index]
-        length = motion.bound(origin, target)
+        length = self._bound(origin, target)
         goal = target if length <= reach else origin + (target - origin) * (reach / length)
         share = self._walk(origin, goal)
         end = goal if share == 1.0 else origin + (goal - origin) * share
-        walked = motion.bound(origin, end)
+        walked = self._bound(origin, end)
         if walked < FINE:
             return index if length < FINE and share == 1.0 else None
         count = int(np.ceil(walked / _SPACING))
@@ -89,13 +95,13 @@ class Planner:
         return index
 
     def shortcut(self, rng: np.random.Generator, path: np.ndarray, tries: int) -> np.ndarray:
-        """The path (k, 7) with random stretches replaced by straight ones, where those are free."""
+        """The path (k, J) with random stretches replaced by straight ones, where those are free."""
         path = list(path)
         for _ in range(tries):
             if len(path) == 2:
                 break
             lengths = np.array(
-                [motion.bound(a, b) for a, b in zip(path[:-1], path[1:], strict=True)]
+                [self._bound(a, b) for a, b in zip(path[:-1], path[1:], strict=True)]
             )
             ends = np.concatenate([[0.0], np.cumsum(lengths)])
             s, t = np.sort(rng.uniform(0, ends[-1], 2))
@@ -104,7 +110,7 @@ class Planner:
                 continue
             a = path[i] + (path[i + 1] - path[i]) * ((s - ends[i]) / lengths[i])
             b = path[j] + (path[j + 1] - path[j]) * ((t - ends[j]) / lengths[j])
-            if motion.bound(a, b) < 0.98 * (t - s) and self.straight(a, b):
+            if self._bound(a, b) < 0.98 * (t - s) and self.straight(a, b):
                 path[i + 1 : j + 1] = [a, b]
         return self._without_needless(np.stack(path))
 
@@ -125,14 +131,15 @@ class Planner:
 class _Tree:
     """Configurations with their parents, in an array that doubles when it is full."""
 
-    def __init__(self, root: np.ndarray):
-        self.points = np.empty((256, 7))
+    def __init__(self, root: np.ndarray, robot: Robot):
+        self.points = np.empty((256, robot.joints))
         self.points[0] = root
+        self._lever = robot.lever
         self._parents = [-1]
 
     def nearest(self, target: np.ndarray) -> int:
         # Joints weighed by their levers: near is what the arm reaches with little motion.
-        offsets = (self.points[: len(self._parents)] - target) * PANDA.lever
+        offsets = (self.points[: len(self._parents)] - target) * self._lever
         return int(np.argmin(np.einsum("ij,ij->i", offsets, offsets)))
 
     def add(self, point: np.ndarray, parent: int) -> int:

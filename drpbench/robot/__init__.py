@@ -5,6 +5,7 @@ from .arms import PANDA as PANDA
 from .body_points import BodyPoints as BodyPoints
 from .body_points import Link as Link
 from .link_poses import LinkPoses as LinkPoses
+from .link_poses import directional_jacobian as directional_jacobian
 from .link_poses import point_jacobian as point_jacobian
 from .robot import RealMeshes as RealMeshes
 from .robot import Robot as Robot

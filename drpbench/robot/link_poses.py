@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 
@@ -38,3 +39,25 @@ def point_jacobian(
     columns = jnp.cross(axes, point - origins)
     moves = jnp.arange(1, joints + 1) <= jnp.minimum(frame, joints)
     return jnp.where(moves[:, None], columns, 0.0).T
+
+
+def directional_jacobian(
+    poses: LinkPoses,
+    points: Float[Array, "N 3"],
+    directions: Float[Array, "N 3"],
+    above: Int[Array, " N"],
+    frame: Int[Array, " N"] | Int[np.ndarray, " N"],
+) -> Float[Array, "N J"]:
+    """How fast each world point p moves along its direction n with each joint [m/rad].
+
+    The point is fixed in `frame` (0 to J + 1) and seen from the frame `above`: only the joints between the
+    two count. This is n . `point_jacobian`, as n . (z x (p - o)) = z . (p x n) - n . (z x o): one cross
+    product a point and one a joint.
+    """
+    axes, origins = poses.axes, poses.origins
+    turn = jnp.einsum("kx,jx->kj", jnp.cross(points, directions), axes, precision="highest")
+    shift = jnp.einsum("kx,jx->kj", directions, jnp.cross(axes, origins), precision="highest")
+    joints = len(axes)
+    joint = np.arange(1, joints + 1)
+    moves = (joint > above[:, None]) & (joint <= np.minimum(frame, joints)[:, None])
+    return jnp.where(moves, turn - shift, 0.0)

@@ -5,8 +5,7 @@ import pytest
 
 from drpbench.generation.composition import COMPOSITION
 from drpbench.generation.families import FAMILIES, FURNISHED
-from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE
-from drpbench.geometry import host_rotation as rotation
+from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE, quaternion_to_matrix
 
 SEEDS = range(40)
 SHOULDER = np.array([0.0, 0.0, 0.333])
@@ -19,7 +18,7 @@ def draws(family):
 
 def extent(scene):
     """Half extents (n, 3) of the obstacles' bounding boxes along the world's axes."""
-    turns = np.array([rotation.matrix(q) for q in scene.quaternion.astype(float)])
+    turns = np.array([quaternion_to_matrix(q) for q in scene.quaternion.astype(float)])
     extents = np.einsum("nij,nj->ni", np.abs(turns), scene.half_size)
     axis = turns[:, :, 2]
     radius, half = scene.half_size[:, :1], scene.half_size[:, 2:]
@@ -97,7 +96,7 @@ def test_cages_are_bars_on_a_plate():
         bars = (scene.kind == CYLINDER) & (scene.half_size[:, 0] < 0.02)
         assert bars.sum() >= 17
         upright = [
-            abs(rotation.matrix(q)[2, 2]) > 0.99 for q in scene.quaternion[bars].astype(float)
+            abs(quaternion_to_matrix(q)[2, 2]) > 0.99 for q in scene.quaternion[bars].astype(float)
         ]
         assert sum(upright) >= 13
 
@@ -111,7 +110,7 @@ def test_cubbies_are_grids_of_compartments():
 
 def test_dishwashers_have_a_door_down_and_plates_in_the_rack():
     for scene in draws("dishwasher"):
-        axes = np.array([rotation.matrix(q)[:, 2] for q in scene.quaternion.astype(float)])
+        axes = np.array([quaternion_to_matrix(q)[:, 2] for q in scene.quaternion.astype(float)])
         plates = (
             (scene.kind == CYLINDER)
             & (scene.half_size[:, 0] > 0.07)

@@ -5,13 +5,14 @@ import pytest
 
 from drpbench.generation import scene
 from drpbench.geometry import host_rotation as rotation
+from drpbench.geometry import quaternion_to_matrix
 
 
 def test_a_bar_runs_from_its_start_to_its_end():
     for end in ((0.3, 0.1, 0.5), (0.1, 0.2, -0.4), (0.1, 0.2, 0.8)):
         start = np.array([0.1, 0.2, 0.3])
         bar = scene.bar(0.01, start, end)
-        axis = rotation.matrix(bar.quaternion)[:, 2] * bar.half_size[2]
+        axis = quaternion_to_matrix(bar.quaternion)[:, 2] * bar.half_size[2]
         ends = [bar.position - axis, bar.position + axis]
         if bar.quaternion is scene.UPRIGHT and end[2] < start[2]:
             ends.reverse()  # a cylinder has no up and down
@@ -25,10 +26,10 @@ def test_hands_are_drawn_in_the_box_and_within_tilt_and_roll():
         np.array([0.5, 0.0, 0.4]),
         turn,
     )
-    rng, frame = np.random.default_rng(1), rotation.matrix(turn)
+    rng, frame = np.random.default_rng(1), quaternion_to_matrix(turn)
     for _ in range(200):
         position, quaternion = region.draw(rng)
-        hand = rotation.matrix(quaternion)
+        hand = quaternion_to_matrix(quaternion)
         np.testing.assert_allclose(hand @ hand.T, np.eye(3), atol=1e-9)
         assert np.linalg.det(hand) > 0
         local = frame.T @ (position - (0.5, 0.0, 0.4))
@@ -46,7 +47,7 @@ def test_placing_furniture_turns_it_about_its_front():
     placed = scene.Furniture((part,), (inside,), np.ones(3)).placed((1.0, 2.0, 0.0), np.pi / 2)
     np.testing.assert_allclose(placed.parts[0].position, (1.0, 2.1, 0.3), atol=1e-9)
     np.testing.assert_allclose(placed.tight[0].centre, (1.0, 2.1, 0.0), atol=1e-9)
-    forward = rotation.matrix(placed.tight[0].quaternion) @ placed.tight[0].approach
+    forward = quaternion_to_matrix(placed.tight[0].quaternion) @ placed.tight[0].approach
     np.testing.assert_allclose(forward, (0, 1, 0), atol=1e-9)
 
 

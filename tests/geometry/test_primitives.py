@@ -1,11 +1,10 @@
-"""Sets of primitives joined, and rotations between their two forms."""
+"""Sets of primitives joined."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from drpbench.geometry import Primitives, concatenate, matrix_to_quaternion, quaternion_to_matrix
+from drpbench.geometry import Primitives, concatenate
 
 
 def stack(*batch, first=0.0):
@@ -38,26 +37,3 @@ def test_batches_are_concatenated_world_by_world():
 
 def test_nothing_can_be_concatenated():
     assert concatenate(stack(0), stack(3)).count == 3
-
-
-def test_quaternions_give_scipys_matrices():
-    turns = Rotation.random(200, rng=np.random.default_rng(0))
-    quaternion = jnp.asarray(turns.as_quat(scalar_first=True), jnp.float32)
-    matrices = quaternion_to_matrix(quaternion)
-    np.testing.assert_allclose(matrices, turns.as_matrix(), atol=1e-6)
-    batched = quaternion_to_matrix(quaternion.reshape(4, 50, 4))
-    np.testing.assert_array_equal(batched.reshape(-1, 3, 3), matrices)
-
-
-def test_matrices_give_back_their_quaternions():
-    random = Rotation.random(200, rng=np.random.default_rng(1))
-    # Half turns, where w is zero, and the turns around them.
-    axes = np.concatenate([np.eye(3), [[0.6, 0.8, 0.0], [0.6, 0.0, -0.8], [0.0, 0.6, 0.8]]])
-    half = Rotation.from_rotvec(np.concatenate([axes * a for a in (0.0, np.pi, np.pi - 1e-4, -3)]))
-    for turns in (random, half):
-        found = matrix_to_quaternion(jnp.asarray(turns.as_matrix(), jnp.float32))
-        np.testing.assert_allclose(np.linalg.norm(found, axis=-1), 1.0, atol=1e-6)
-        expected = turns.as_quat(scalar_first=True)
-        # q and -q are one rotation.
-        np.testing.assert_allclose(np.abs(np.sum(found * expected, axis=-1)), 1.0, atol=1e-6)
-        np.testing.assert_allclose(quaternion_to_matrix(found), turns.as_matrix(), atol=2e-6)

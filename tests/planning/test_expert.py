@@ -12,7 +12,8 @@ from drpbench.generation.certificate import certify
 from drpbench.geometry import Primitives, quaternion_to_matrix
 from drpbench.planning import clearance_cost as cost
 from drpbench.planning.checker import sphere_checker
-from drpbench.planning.expert import CHEAP, LIMIT_MARGIN, Settings, planner
+from drpbench.planning.expert import CHEAP, PlannerSettings, planner
+from drpbench.planning.joint_limits import inner_limits
 from drpbench.planning.path_check import CLEARANCE, check_path
 from drpbench.planning.stopping import STOP_CLEARANCE
 from drpbench.robot import PANDA
@@ -129,15 +130,15 @@ def test_waypoints_are_evenly_spaced_and_the_length_is_theirs(real):
 def test_paths_keep_their_margin_from_joint_limits(real):
     drawn, plans, _ = real
     for one, path in zip(drawn, plans.path, strict=True):
-        lower = np.minimum(PANDA.joint_lower + LIMIT_MARGIN, np.minimum(one.start, one.goal))
-        upper = np.maximum(PANDA.joint_upper - LIMIT_MARGIN, np.maximum(one.start, one.goal))
+        lower = np.minimum(inner_limits(PANDA)[0], np.minimum(one.start, one.goal))
+        upper = np.maximum(inner_limits(PANDA)[1], np.maximum(one.start, one.goal))
         assert np.all(path >= lower - 1e-5) and np.all(path <= upper + 1e-5)
 
 
 @pytest.fixture(scope="module")
 def plan_all():
     """Plans for up to COUNT cases (obstacles, start, goal), by via points and without hints."""
-    compiled = planner(Settings(iterations=20, vias=3, stop_short=True))
+    compiled = planner(PlannerSettings(iterations=20, vias=3, stop_short=True))
 
     def plan(*cases, seed=0):
         filled = [cases[i % len(cases)] for i in range(COUNT)]

@@ -11,6 +11,7 @@ from drpbench.compile import jit
 from drpbench.geometry import Primitives, quaternion_to_matrix
 from drpbench.planning import ik
 from drpbench.planning.checker import sphere_checker
+from drpbench.planning.joint_limits import LIMIT_MARGIN, inner_limits
 from drpbench.planning.path_check import CLEARANCE
 from drpbench.planning.pose_goals import nearest_goal
 from drpbench.robot import PANDA
@@ -52,7 +53,7 @@ def solve():
 
 @pytest.fixture(scope="module")
 def reachable():
-    margin = ik.LIMIT_MARGIN + 0.05
+    margin = LIMIT_MARGIN + 0.05
     q = postures(64, seed=1)
     return mujoco_poses(np.clip(q, PANDA.joint_lower + margin, PANDA.joint_upper - margin))
 
@@ -70,8 +71,8 @@ def test_what_converged_puts_the_grip_where_mujoco_agrees_it_should_be(solve, re
 
 def test_every_answer_keeps_its_margin_from_the_limits(solve, reachable):
     q = np.asarray(solve(*reachable).q)
-    assert np.all(q >= PANDA.joint_lower + ik.LIMIT_MARGIN - 1e-5)
-    assert np.all(q <= PANDA.joint_upper - ik.LIMIT_MARGIN + 1e-5)
+    lower, upper = inner_limits(PANDA)
+    assert np.all(q >= lower - 1e-5) and np.all(q <= upper + 1e-5)
 
 
 def test_errors_are_told_as_they_are_where_nothing_converged(solve, reachable):

@@ -10,7 +10,7 @@ import pytest
 
 from drpbench.generation import certificate
 from drpbench.generation.composition import COMPOSITION, group_of
-from drpbench.geometry import host_rotation as rotation
+from drpbench.geometry import quaternion_to_matrix
 from drpbench.problems import PROBLEM_SET, TASKS, ProblemSetError, counts, frozen, load
 
 COUNTS = {"SE": 3200, "SAO": 300, "FDO": 200, "GB": 200, "DGB": 400}
@@ -59,7 +59,7 @@ def test_goals_are_poses_and_standing_still_is_no_solution(task, spheres):
     for index in range(0, problems.count, max(1, problems.count // 200)):
         position, matrix = spheres.grip_pose(problems.goal[index].astype(float))
         np.testing.assert_allclose(problems.goal_position[index], position, atol=1e-6)
-        turned = rotation.matrix(problems.goal_quaternion[index].astype(float))
+        turned = quaternion_to_matrix(problems.goal_quaternion[index].astype(float))
         np.testing.assert_allclose(turned, matrix, atol=1e-5)
         here, _ = spheres.grip_pose(problems.start[index].astype(float))
         distance = np.linalg.norm(here - position)

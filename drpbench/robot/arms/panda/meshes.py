@@ -23,10 +23,10 @@ def find_mesh_model() -> Path | None:
         roots.append(Path(root) / "franka_emika_panda")
     # One folder a version: franka_emika_panda-3d2262eeb81ecec1.
     roots.extend(sorted(_menagerie_cache().glob("models/franka_emika_panda-*")))
-    for root in roots:
+    for folder in roots:
         for name in ("panda_collision.xml", "panda.xml"):
-            if (root / name).is_file():
-                return root / name
+            if (folder / name).is_file():
+                return folder / name
     return None
 
 
