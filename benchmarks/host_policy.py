@@ -27,9 +27,8 @@ from drpbench.contract import CONTROL_STEPS
 from drpbench.envs import TASKS
 from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.registry import choose
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.rollout import LANES
-from drpbench.rollout.batch import take
 from drpbench.rollout.host import rollout_of
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -59,8 +58,8 @@ def main() -> None:
     if importlib.util.find_spec("torch"):
         names["torch"] = "torch_policy:Approach"
     names["remote"] = address
-    problems = load(options.task)
-    batch = take(problems, [i % len(problems.level) for i in range(options.batch)])
+    problems = load_set().task(options.task)
+    batch = problems.take([i % len(problems.level) for i in range(options.batch)])
     try:
         rollouts = {
             name: rollout_of(TASKS[options.task], choose(path).policy, lanes=options.batch)

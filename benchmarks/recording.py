@@ -19,13 +19,13 @@ from drpbench.compile import use_cache
 from drpbench.envs import TASKS
 from drpbench.evaluation.run import device_name, versions
 from drpbench.plugins.registry import choose
-from drpbench.problems import ProblemSet, load
+from drpbench.problems import load_set
 from drpbench.recording import Recorder, motion, traced
 from drpbench.recording.video import GRID_SIZE, SIZE
 from drpbench.results import Header
 from drpbench.robot import PANDA
 from drpbench.rollout import LANES, Rollout
-from drpbench.rollout.batch import Trace, take
+from drpbench.rollout.batch import Trace
 
 RUNS = [("SE", "rmp"), ("FDO", "rmp"), ("FDO", "straight+dcp-rmp"), ("FDO", "drp")]
 
@@ -55,14 +55,14 @@ def now() -> np.ndarray:
     return np.array([time.perf_counter(), time.process_time()])
 
 
-def header_of(policy: str, task: str, problems: ProblemSet) -> Header:
+def header_of(policy: str, task: str) -> Header:
     return Header(
         policy=policy,
         policy_parameters=choose(policy).parameters,
         privileged=False,
         tasks=[task],
-        problem_set=problems.name,
-        problem_set_sha256=problems.sha256,
+        problem_set=load_set().name,
+        problem_set_sha256=load_set().sha256,
         seed=0,
         precision="float32",
         device=device_name(),
@@ -77,10 +77,10 @@ def header_of(policy: str, task: str, problems: ProblemSet) -> Header:
 
 def cost(task: str, policy: str, batches: int, repetitions: int) -> tuple[Cost, Trace, list[int]]:
     """Of batches of episodes spread over the task."""
-    problems = load(task)
+    problems = load_set().task(task)
     ids = [i * problems.count // LANES for i in range(LANES)]
-    rollout, batch = Rollout(TASKS[task], choose(policy).policy), take(problems, ids)
-    header = header_of(policy, task, problems)
+    rollout, batch = Rollout(TASKS[task], choose(policy).policy), problems.take(ids)
+    header = header_of(policy, task)
     with tempfile.TemporaryDirectory() as folder:
         trace = rollout.run(batch)
         with Recorder(Path(folder)) as recorder:  # compiles
@@ -104,7 +104,7 @@ def cost(task: str, policy: str, batches: int, repetitions: int) -> tuple[Cost, 
 
 def frame_times(trace: Trace, ids: list[int], size: tuple[int, int], frames: int) -> np.ndarray:
     """Median time [s] of a frame, of the clock and of the processor."""
-    episode = traced("FDO", ids[0], load("FDO"), 0, trace, 0)
+    episode = traced("FDO", ids[0], load_set().task("FDO"), 0, trace, 0)
     moved, stage = motion(episode), stage_module.Stage(*size)
     times = [now()]
     for instant in np.linspace(0, episode.instants - 1, frames + 1).astype(int):

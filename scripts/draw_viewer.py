@@ -15,7 +15,7 @@ from PIL import Image
 
 from drpbench.compile import use_cache
 from drpbench.plugins.registry import choose
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.viewer import Simulation
 from drpbench.viewer.page import Page
 
@@ -34,7 +34,7 @@ def main() -> None:
     arguments = parser.parse_args()
     use_cache()
     policy = choose(arguments.policy).policy
-    simulation = Simulation(arguments.task, policy, load(arguments.task))
+    simulation = Simulation(arguments.task, policy, load_set().task(arguments.task))
     for _ in simulation.compile(arguments.id):
         pass
     for _ in range(arguments.steps):

@@ -42,10 +42,10 @@ def test_links_and_pictures_are_there():
 def test_the_scores_shown_are_those_of_the_shipped_rows():
     from drpbench.leaderboard import build, load_dir
     from drpbench.leaderboard.tables import render_markdown
-    from drpbench.problems import counts
+    from drpbench.problems import load_set
     from drpbench.results.shipped import shipped_results
 
-    shown = render_markdown(build(load_dir(shipped_results()), counts()))
+    shown = render_markdown(build(load_dir(shipped_results()), load_set().counts))
     first_table = shown.split("\n\n**")[0]
     rows = [line for line in shown.splitlines() if line.startswith("| rmp |")]
     assert rows and rows[0] in README, first_table

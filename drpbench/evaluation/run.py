@@ -5,23 +5,23 @@ import importlib.metadata
 import platform
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
 import jax
 
 from drpbench import __version__
-from drpbench.contract import CONTROL_STEPS
+from drpbench.contract import CONTROL_STEPS, Policy
 from drpbench.envs import TASKS
 from drpbench.plugins.errors import PolicyError
-from drpbench.plugins.host import TIME_LIMIT
+from drpbench.plugins.host import TIME_LIMIT, Hosted
 from drpbench.plugins.registry import choose
-from drpbench.problems import load
+from drpbench.problems import ProblemSet, ProblemSetError, load_set
 from drpbench.results import Header, Journal, Result, Row
 from drpbench.results.trajectories import Trajectories
 from drpbench.rollout import LANES
-from drpbench.rollout.batch import Trace, take
+from drpbench.rollout.batch import Trace
 from drpbench.rollout.host import rollout_of
 
 from .metrics import rows as rows_of
@@ -49,12 +49,13 @@ Watch = Callable[[Header, str, Sequence[int], Trace], None]
 
 @dataclass(frozen=True)
 class Request:
-    """What to run. `problems` maps each task, in order, to ids, or None for all of them;
+    """What to run. `problems` maps each task, in order, to ids of `problem_set`, or None for all of them;
     `policy_arguments` are the policy's own parameters, each as "name=value"."""
 
     policy: str
     problems: Mapping[str, Sequence[int] | None]
     out: Path
+    problem_set: ProblemSet = field(default_factory=load_set)
     policy_arguments: Sequence[str] = ()
     time_limit: float = TIME_LIMIT  # [s] a control step, for policies outside jit
     seed: int = 0
@@ -90,15 +91,15 @@ def run(request: Request, progress: Progress) -> Result:
     """
     choice = choose(request.policy, request.policy_arguments, request.time_limit)
     policy = choice.policy
-    sets = {task: load(task) for task in request.problems}
-    first = next(iter(sets.values()))
+    chosen = request.problem_set
+    _require_known(chosen, request.problems)
     header = Header(
         policy=request.policy,
         policy_parameters=choice.parameters,
         privileged=policy.privileged,
         tasks=list(request.problems),
-        problem_set=first.name,
-        problem_set_sha256=first.sha256,
+        problem_set=chosen.name,
+        problem_set_sha256=chosen.sha256,
         seed=request.seed,
         precision="float32",
         device=device_name(),
@@ -116,11 +117,9 @@ def run(request: Request, progress: Progress) -> Result:
         if not journal.finished:
             trajectories = Trajectories(request.out) if request.save_trajectories else None
             for task, ids in request.problems.items():
-                wanted = range(len(sets[task].level)) if ids is None else ids
+                wanted = range(chosen.task(task).count) if ids is None else ids
                 try:
-                    _run_task(
-                        request, policy, task, sets[task], wanted, journal, trajectories, progress
-                    )
+                    _run_task(request, policy, task, wanted, journal, trajectories, progress)
                 except PolicyError as error:  # it is gone for good: the rest is no verdict on it
                     raise PolicyError(f"{error}{KEPT}") from None
             if trajectories:
@@ -128,7 +127,27 @@ def run(request: Request, progress: Progress) -> Result:
         return journal.finish()
 
 
-def _run_task(request, policy, task, problems, wanted, journal, trajectories, progress) -> None:
+def _require_known(chosen: ProblemSet, wanted: Mapping[str, Sequence[int] | None]) -> None:
+    """Raises ProblemSetError for a task that is not there, or an id."""
+    for task, ids in wanted.items():
+        chosen.task(task).require(ids or ())
+        if task not in TASKS:
+            raise ProblemSetError(
+                f"{chosen.name} has problems of a task {task}, which drpbench does not know; "
+                f"its tasks are {', '.join(TASKS)}"
+            )
+
+
+def _run_task(
+    request: Request,
+    policy: Policy | Hosted,
+    task: str,
+    wanted: Sequence[int],
+    journal: Journal,
+    trajectories: Trajectories | None,
+    progress: Progress,
+) -> None:
+    problems = request.problem_set.task(task)
     left = [id for id in wanted if (task, id) not in journal.done]
     batches = list(_batches(left, request.batch_size))
     per_batch = CONTROL_STEPS * (2 if TASKS[task].rehearsed else 1)
@@ -137,7 +156,7 @@ def _run_task(request, policy, task, problems, wanted, journal, trajectories, pr
     rollout = rollout_of(TASKS[task], policy, request.seed, lanes)
     for ids in batches:
         began = time.perf_counter()
-        trace = rollout.run(take(problems, ids), progress.advance)
+        trace = rollout.run(problems.take(ids), progress.advance)
         finished = rows_of(task, ids, [problems.family[id] for id in ids], trace)
         if trajectories:
             trajectories.add(task, ids, trace)

@@ -15,7 +15,7 @@ import numpy as np
 
 from drpbench.planning import motion
 from drpbench.planning.checker import Checker
-from drpbench.robot import PANDA
+from drpbench.robot import PANDA, Robot
 
 RESOLUTION = 0.01  # [m] of motion between samples
 CLEARANCE = 0.005  # [m] by the spheres everywhere, by the meshes at start and goal
@@ -41,17 +41,21 @@ def certify(
     goal: np.ndarray,
     spheres: Checker,
     meshes: Checker | None,
+    robot: Robot = PANDA,
 ) -> Certificate:
-    """Checks a witness (m, 7) [rad] from `start` (7,) to `goal` (7,) in the checkers' scene.
+    """Checks a witness (m, J) [rad] from `start` (J,) to `goal` (J,) in the checkers' scene.
 
     Both checkers must hold the same scene. A witness of a single waypoint stands still.
     """
     witness = np.asarray(witness, float)
-    if witness.ndim != 2 or witness.shape[1] != 7 or not np.all(np.isfinite(witness)):
-        return _fault(f"the witness is no finite array of 7-joint waypoints: {witness.shape}")
+    joints = robot.joints
+    if witness.ndim != 2 or witness.shape[1] != joints or not np.all(np.isfinite(witness)):
+        return _fault(
+            f"the witness is no finite array of {joints}-joint waypoints: {witness.shape}"
+        )
     if not (np.array_equal(witness[0], start) and np.array_equal(witness[-1], goal)):
         return _fault("the witness does not lead from start to goal")
-    if np.any(witness < PANDA.joint_lower) or np.any(witness > PANDA.joint_upper):
+    if np.any(witness < robot.joint_lower) or np.any(witness > robot.joint_upper):
         return _fault("a waypoint is beyond a joint limit")
     for name, checker in (("spheres", spheres), ("meshes", meshes)):
         for end, q in (("start", start), ("goal", goal)):

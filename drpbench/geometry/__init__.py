@@ -1,9 +1,11 @@
-"""Primitive solids: their signed distance, its gradient, and points on their surfaces."""
+"""Primitive solids and scenes of them: signed distance, its gradient, and points on their surfaces."""
 
 from .distance import FAR as FAR
 from .distance import nearest as nearest
 from .distance import normal as normal
 from .distance import signed_distance as signed_distance
+from .obstacles import Obstacles as Obstacles
+from .obstacles import stacked as stacked
 from .primitives import BOX as BOX
 from .primitives import CYLINDER as CYLINDER
 from .primitives import MAX_OBSTACLES as MAX_OBSTACLES

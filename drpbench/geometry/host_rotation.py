@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
-def axis_angle(axis, angle: float) -> np.ndarray:
+def axis_angle(axis: ArrayLike, angle: float) -> np.ndarray:
     """Quaternion (4,) of a turn by `angle` [rad] about `axis` (3,), which need not be of unit length."""
-    axis = np.asarray(axis, float)
-    axis = axis / np.linalg.norm(axis)
-    return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * axis])
+    direction = np.asarray(axis, float)
+    direction = direction / np.linalg.norm(direction)
+    return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * direction])
 
 
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -1,19 +1,18 @@
 """Which problems an environment serves: the frozen ones by number, or training problems by number."""
 
 from collections.abc import Sequence
-from dataclasses import fields
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from drpbench.contract import Problem
 from drpbench.envs import Task
-from drpbench.geometry import Primitives, matrix_to_quaternion, quaternion_to_matrix
-from drpbench.problems import load
-from drpbench.robot import PANDA
-from drpbench.rollout.batch import take
+from drpbench.geometry import stacked
+from drpbench.problems import ProblemSet, goal_poses, load_set
+from drpbench.robot import PANDA, Robot
+
+if TYPE_CHECKING:
+    from drpbench.generation.training_problems import Drawn
 
 
 class Problems(Protocol):
@@ -36,21 +35,16 @@ class Problems(Protocol):
 
 
 class Frozen:
-    """The benchmark's problems, in a random order that comes to each of them before it begins again."""
+    """The problems of a set, in a random order that comes to each of them before it begins again."""
 
     stream = 0  # as in `drpbench run`: the same boxes, the same points
 
-    def __init__(self, task: Task):
-        self._problems = load(task.name)
+    def __init__(self, task: Task, problem_set: ProblemSet):
+        self._problems = problem_set.task(task.name)
         self._left: list[int] = []
 
     def require(self, ids: Sequence[int]) -> None:
-        count = self._problems.count
-        for id in ids:
-            if not 0 <= id < count:
-                raise ValueError(
-                    f"no problem {id} in {self._problems.task}; ids go from 0 to {count - 1}"
-                )
+        self._problems.require(ids)
 
     def draw(self, rng: np.random.Generator, count: int) -> list[int]:
         while len(self._left) < count:
@@ -62,7 +56,7 @@ class Frozen:
         self._left = []
 
     def take(self, ids: Sequence[int]) -> Problem:
-        return take(self._problems, ids)
+        return self._problems.take(ids)
 
 
 _MOST = 2**31  # training problems there are numbers for
@@ -71,18 +65,18 @@ _MOST = 2**31  # training problems there are numbers for
 class Training:
     """Problems to learn from, drawn on the host from the stream of `drpbench data`.
 
-    Those with a box on their goal are passed over for the next number that has none. DGB begins at the
-    goal. A task's level, which sets number and size of its moving boxes, is 1 on the bare table and 2
-    elsewhere; of DGB, every fourth problem has three boxes.
+    Those with a box on their goal are passed over for the next number that has none. The task says which
+    level a problem has, which sets number and size of its moving boxes, and whether it begins at the goal.
     """
 
     stream = 2  # no box and no point as in the benchmark
 
-    def __init__(self, task: Task):
+    def __init__(self, task: Task, robot: Robot = PANDA):
         # What draws problems is heavy to import, and of no use to who asks for the frozen ones.
         from drpbench.generation.training_problems import TRAINING_STREAM, Drawer
 
-        self._task, self._drawer = task, Drawer(TRAINING_STREAM)
+        self._task, self._robot = task, robot
+        self._drawer = Drawer(TRAINING_STREAM, robot)
 
     def require(self, ids: Sequence[int]) -> None:
         for id in ids:
@@ -99,43 +93,35 @@ class Training:
         from drpbench.generation.training_problems import FAMILY_NAMES
 
         drawn = [self._unobstructed(id) for id in ids]
-        stacked = {
-            field.name: np.stack([getattr(one, field.name) for one in drawn])
-            for field in fields(drawn[0])
-        }
-        goal = stacked["goal"]
-        position, quaternion = (np.asarray(values) for values in _goal_pose(jnp.asarray(goal)))
-        if self._task.name == "DGB":
-            level = np.where(np.asarray(ids) % 4 == 3, 2, 1)
-        else:
-            level = np.array([1 if FAMILY_NAMES[one.family] == "table" else 2 for one in drawn])
-        rotation = quaternion_to_matrix(jnp.asarray(stacked["quaternion"]))
+        goal = np.stack([one.goal for one in drawn])
+        position, quaternion = goal_poses(self._robot, goal)
+        bare, elsewhere = self._task.training_levels
+        turns = [bare if FAMILY_NAMES[one.family] == "table" else elsewhere for one in drawn]
+        level = [levels[id % len(levels)] for id, levels in zip(ids, turns, strict=True)]
         return Problem(
             id=np.asarray(ids, np.int32),
-            level=level.astype(np.int32),
-            start=goal if self._task.name == "DGB" else stacked["start"],
+            level=np.array(level, np.int32),
+            start=goal if self._task.stays else np.stack([one.start for one in drawn]),
             goal=goal,
             goal_position=position,
             goal_quaternion=quaternion,
-            obstacles=Primitives(
-                kind=stacked["kind"],
-                half_size=stacked["half_size"],
-                position=stacked["position"],
-                rotation=np.asarray(rotation),
-                mask=stacked["mask"],
-            ),
+            obstacles=stacked([one.obstacles for one in drawn]).primitives(),
         )
 
-    def _unobstructed(self, id: int):
+    def _unobstructed(self, id: int) -> "Drawn":
         while (drawn := self._drawer.draw(id)).obstructed:
             id = (id + 1) % _MOST
         return drawn
 
 
-def _goal_pose(goal: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Position [m] and quaternion wxyz of `grip` for goals (n, 7)."""
-    position, rotation = jax.vmap(lambda q: PANDA.grip_pose(PANDA.link_poses(q)))(goal)
-    return position, matrix_to_quaternion(rotation)
+SOURCES = ("frozen", "training")
+"""Problems that have a name: the benchmark's, and those to learn from."""
 
 
-SOURCES: dict[str, type[Frozen] | type[Training]] = {"frozen": Frozen, "training": Training}
+def source(problems: str | ProblemSet, task: Task) -> Problems:
+    """Problems of a task by one of the SOURCES, or those of a set. Raises ValueError for another name."""
+    if isinstance(problems, ProblemSet):
+        return Frozen(task, problems)
+    if problems not in SOURCES:
+        raise ValueError(f"problems={problems!r}: there are: {', '.join(SOURCES)}")
+    return Training(task) if problems == "training" else Frozen(task, load_set())

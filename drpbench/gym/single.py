@@ -6,6 +6,8 @@ import gymnasium
 import numpy as np
 from jaxtyping import Array, Num
 
+from drpbench.problems import ProblemSet
+
 from .vector import VectorEnv
 
 
@@ -16,7 +18,7 @@ class SingleEnv(gymnasium.Env):
         name: value for name, value in VectorEnv.metadata.items() if name != "autoreset_mode"
     }
 
-    def __init__(self, *, task: str, problems: str = "frozen", run_seed: int = 0):
+    def __init__(self, *, task: str, problems: str | ProblemSet = "frozen", run_seed: int = 0):
         self._one = VectorEnv(1, task=task, problems=problems, run_seed=run_seed)
         self.observation_space = self._one.single_observation_space
         self.action_space = self._one.single_action_space

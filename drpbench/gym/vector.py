@@ -11,9 +11,10 @@ from jaxtyping import Array, Num
 
 from drpbench.contract import CONTROL_PERIOD, CONTROL_STEPS
 from drpbench.envs import TASKS
+from drpbench.problems import ProblemSet
 
 from .lanes import Lanes, Verdict
-from .served import SOURCES
+from .served import source
 from .spaces import action_space, as_dict, observation_space
 
 _OPTIONS = ("id", "reset_mask")
@@ -30,7 +31,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     Args:
         num_envs: how many problems at once.
         task: SE, SAO, FDO, GB or DGB.
-        problems: "frozen" for the benchmark's, "training" for others drawn to learn from.
+        problems: "frozen" for the benchmark's, "training" for others drawn to learn from, or a ProblemSet.
         run_seed: the seed of `drpbench run`: of point clouds and of how boxes move.
 
     Raises:
@@ -44,14 +45,17 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     }
 
     def __init__(
-        self, num_envs: int = 1, *, task: str, problems: str = "frozen", run_seed: int = 0
+        self,
+        num_envs: int = 1,
+        *,
+        task: str,
+        problems: str | ProblemSet = "frozen",
+        run_seed: int = 0,
     ):
         if num_envs < 1:
             raise ValueError(f"num_envs={num_envs}: must be at least 1")
         if task not in TASKS:
             raise ValueError(f"no task {task!r}; there are: {', '.join(TASKS)}")
-        if problems not in SOURCES:
-            raise ValueError(f"problems={problems!r}: there are: {', '.join(SOURCES)}")
         if not -(2**31) <= run_seed < 2**31:
             raise ValueError(f"run_seed={run_seed}: must fit 32 bits")
         self.num_envs = num_envs
@@ -59,7 +63,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._problems = SOURCES[problems](TASKS[task])
+        self._problems = source(problems, TASKS[task])
         self._lanes = Lanes(TASKS[task], num_envs, run_seed, self._problems.stream)
         self._ids: list[int] = []
 

@@ -32,11 +32,14 @@ def shares(movers: int) -> tuple[int, int]:
 
 
 def sample_static(
-    key: PRNGKeyArray, obstacles: Primitives, count: int
+    key: PRNGKeyArray, obstacles: Primitives, count: int, ground: bool = True
 ) -> tuple[Float[Array, "count 3"], Bool[Array, " count"]]:
-    """Points uniform over the static surfaces at z >= 0: twice as many are drawn, the first kept."""
+    """Points uniform over the static surfaces, with a `ground` over those at z >= 0.
+
+    Twice as many are drawn, the first kept.
+    """
     points, _ = sample_surface(key, obstacles, 2 * count)
-    above = points[:, 2] >= -1e-6
+    above = points[:, 2] >= -1e-6 if ground else jnp.ones(2 * count, bool)
     first = jnp.argsort(~above, stable=True)[:count]
     kept = above[first] & obstacles.mask.any()
     return jnp.where(kept[:, None], points[first], 0.0), kept
@@ -62,15 +65,19 @@ def on_box(tickets: Float[Array, "P 3"], half_size: Float[Array, "3"]) -> Float[
     return jnp.stack([a * x, b * y, c * z], axis=-1)
 
 
-def scene_cloud(cloud: Cloud, movers: Movers) -> tuple[Float[Array, "2048 3"], Bool[Array, "2048"]]:
-    """The scene points with the moving boxes where they are; points below z = 0 are left out."""
+def scene_cloud(
+    cloud: Cloud, movers: Movers, ground: bool = True
+) -> tuple[Float[Array, "2048 3"], Bool[Array, "2048"]]:
+    """The scene points with the moving boxes where they are; with a `ground`, points below z = 0 are left
+    out."""
     local = jax.vmap(on_box)(cloud.mover_tickets, movers.half_size)
     r = movers.rotation[:, None]
     x, y, z = local[..., 0], local[..., 1], local[..., 2]
     turned = [r[..., i, 0] * x + r[..., i, 1] * y + r[..., i, 2] * z for i in range(3)]
     moved = jnp.stack(turned, axis=-1) + movers.position[:, None]
     active = movers.active
-    seen = active[:, None] & (moved[..., 2] >= 0.0)
+    above = moved[..., 2] >= 0.0 if ground else jnp.ones(moved.shape[:-1], bool)
+    seen = active[:, None] & above
     moved = jnp.where(seen[..., None], moved, 0.0)
     return (
         jnp.concatenate([cloud.static_points, moved.reshape(-1, 3)]),

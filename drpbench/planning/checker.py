@@ -13,7 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE
+from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE, Obstacles
 from drpbench.robot import PANDA
 
 # Collision bits: links against obstacles, and links against links (by pairs). link0 does not move
@@ -29,11 +29,11 @@ _GEOM_TYPE = {
 def _self_pairs() -> set[tuple[str, str]]:
     """Pairs of links that can touch. The hand's frame carries the fingers."""
     names = {i: (PANDA.link_names[i],) if i < 8 else PANDA.link_names[8:] for i in range(9)}
-    pairs = set()
+    pairs: set[tuple[str, str]] = set()
     for first, second in PANDA.self_collision_blocks:
         for a in first:
             for b in second:
-                pairs |= {tuple(sorted((x, y))) for x in names[a] for y in names[b]}
+                pairs |= {(min(x, y), max(x, y)) for x in names[a] for y in names[b]}
     return pairs
 
 
@@ -61,15 +61,16 @@ class Checker:
         for bits in (self.model.body_contype, self.model.body_conaffinity):
             bits[self._bodies] = 0
 
-    def set_scene(self, scene) -> None:
-        """Puts the obstacles of `scene` into the model, in place of those that were there."""
-        self.set_obstacles(scene.kind, scene.half_size, scene.position, scene.quaternion)
+    def set_obstacles(self, obstacles: Obstacles) -> None:
+        """Puts the obstacles of one scene into the model, in place of those that were there.
 
-    def set_obstacles(self, kind, half_size, position, quaternion) -> None:
-        """As `set_scene`, from arrays (n,), (n, 3), (n, 3), (n, 4); the first is the table."""
+        The first one is what the arm stands on. Masked ones are left out.
+        """
         self._clear()
-        model = self.model
-        for slot in range(len(kind)):
+        model, there = self.model, obstacles.present()
+        kind, half_size = there.kind, there.half_size
+        position, quaternion = there.position, there.quaternion
+        for slot in range(there.count):
             geom, body, volume = self._geoms[slot], self._bodies[slot], self._volumes[slot]
             half = np.asarray(half_size[slot], float)
             model.geom_type[geom] = _GEOM_TYPE[int(kind[slot])]
@@ -86,7 +87,7 @@ class Checker:
             model.body_pos[body] = position[slot]
             model.body_quat[body] = quaternion[slot] / np.linalg.norm(quaternion[slot])
             model.geom_conaffinity[geom] = model.body_conaffinity[body] = _OBSTACLE
-        self.obstacle_count = len(kind)
+        self.obstacle_count = there.count
 
     def clearance(self, q: np.ndarray) -> float:
         """Smallest distance [m] of the arm at joints `q` (7,), at most `margin`.
@@ -154,6 +155,7 @@ def mesh_checker(model: Path, margin: float = 0.02) -> Checker:
     """Checker on the real meshes, each by its convex hull, the fingers' too: a certificate may ask for
     more room than the fingers need. `model` is what `drpbench.robot.find_mesh_model` returns.
     """
+    assert PANDA.meshes is not None, "the Panda has real meshes"
     return Checker(PANDA.meshes.spec(model, finger_pieces=1), margin)
 
 

@@ -13,8 +13,8 @@ from drpbench.compile import jit
 from drpbench.contract import Movers, Problem
 from drpbench.envs import TASKS, State, World
 from drpbench.errors import DrpbenchError
-from drpbench.problems import ProblemSet
-from drpbench.rollout.batch import Trace, instance_key, take
+from drpbench.problems import TaskProblems
+from drpbench.rollout.batch import Trace, instance_key
 
 Instant = TypeVar("Instant", int, np.ndarray)
 
@@ -92,7 +92,7 @@ def _reset(task: str, seed: int):
 
 
 def episode(
-    task: str, id: int, problems: ProblemSet, seed: int, arrays: Mapping[str, np.ndarray]
+    task: str, id: int, problems: TaskProblems, seed: int, arrays: Mapping[str, np.ndarray]
 ) -> Episode:
     """The episode of one instance from what was recorded of it.
 
@@ -100,7 +100,7 @@ def episode(
     rest follows from the problem and the run's seed. Raises RecordingError where arrays are missing or
     not of one number of steps, or begin somewhere else than the problem does.
     """
-    problem = jax.tree.map(lambda leaf: leaf[0, ...], take(problems, [id]))
+    problem = jax.tree.map(lambda leaf: leaf[0, ...], problems.take([id]))
     state = _reset(task, seed)(problem)
     name = f"the recording of {task} {id}"
     try:
@@ -131,7 +131,9 @@ def episode(
     )
 
 
-def traced(task: str, id: int, problems: ProblemSet, seed: int, trace: Trace, lane: int) -> Episode:
+def traced(
+    task: str, id: int, problems: TaskProblems, seed: int, trace: Trace, lane: int
+) -> Episode:
     """The episode in one lane of a rollout."""
     arrays = {
         "joint_position": np.concatenate([trace.start[None, lane], trace.joint_position[:, lane]]),

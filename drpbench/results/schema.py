@@ -30,7 +30,7 @@ from pydantic import (
 
 from drpbench.errors import DrpbenchError
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION: Literal[1] = 1
 
 VERSIONED = ("drpbench", "python", "jax", "jaxlib", "mujoco", "mujoco-mjx", "numpy")
 """The software whose version moves a number; a header names each."""

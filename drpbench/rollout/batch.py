@@ -1,7 +1,7 @@
 """Episodes on the device: a policy in a task's world, many problems at once."""
 
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,8 +12,7 @@ import numpy as np
 from drpbench.compile import jit
 from drpbench.contract import CONTROL_STEPS, Policy, Problem
 from drpbench.envs import Events, State, Task, World
-from drpbench.geometry import Primitives, quaternion_to_matrix, rotation_angle
-from drpbench.problems import ProblemSet
+from drpbench.geometry import quaternion_to_matrix, rotation_angle
 from drpbench.robot import PANDA
 
 LANES = 64
@@ -42,27 +41,6 @@ class Trace:
     start_grip: np.ndarray  # (B, 3) [m]
     valid: np.ndarray  # (B,) bool
     failure: str = ""  # why the policy gave no answer in this batch, if it did not
-
-
-def take(problems: ProblemSet, ids: Sequence[int]) -> Problem:
-    """The numbered problems as a batch for the device."""
-    index = np.asarray(ids, int)
-    rotation = quaternion_to_matrix(jnp.asarray(problems.quaternion[index], jnp.float32))
-    return Problem(
-        id=index.astype(np.int32),
-        level=problems.level[index].astype(np.int32),
-        start=problems.start[index].astype(np.float32),
-        goal=problems.goal[index].astype(np.float32),
-        goal_position=problems.goal_position[index].astype(np.float32),
-        goal_quaternion=problems.goal_quaternion[index].astype(np.float32),
-        obstacles=Primitives(
-            kind=problems.kind[index].astype(np.int32),
-            half_size=problems.half_size[index].astype(np.float32),
-            position=problems.position[index].astype(np.float32),
-            rotation=np.asarray(rotation),
-            mask=problems.mask[index],
-        ),
-    )
 
 
 def instance_key(seed: int, task: str, id: jax.Array, stream: int) -> jax.Array:

@@ -25,9 +25,9 @@ from drpbench.envs import TASKS, State, World
 from drpbench.planning.pose_goals import nearest_goal
 from drpbench.plugins.host import Failed, Hosted
 from drpbench.policies import DcpRmp
-from drpbench.problems import ProblemSet
+from drpbench.problems import TaskProblems
 from drpbench.robot import PANDA
-from drpbench.rollout.batch import instance_key, record, take
+from drpbench.rollout.batch import instance_key, record
 
 from .furniture import Furniture, with_room
 from .moment import Moment, moment
@@ -63,7 +63,7 @@ class Verdict:
 class Simulation:
     """A policy in one task of the benchmark. `open` a problem, then `step`."""
 
-    def __init__(self, task: str, policy: Policy | Hosted, problems: ProblemSet, seed: int = 0):
+    def __init__(self, task: str, policy: Policy | Hosted, problems: TaskProblems, seed: int = 0):
         self.task, self.problems, self.seed = TASKS[task], problems, seed
         self.world = World(self.task)
         self._hosted = policy if isinstance(policy, Hosted) else None
@@ -80,10 +80,10 @@ class Simulation:
 
         Raises ProblemSetError for a number that is not there.
         """
-        self.problems.to_json(id)  # says what is wrong with the number
+        self.problems.require([id])
         self.id, self._path = id, []
         self._first = with_room(
-            jax.tree.map(lambda leaf: np.asarray(leaf)[0, ...], take(self.problems, [id]))
+            jax.tree.map(lambda leaf: np.asarray(leaf)[0, ...], self.problems.take([id]))
         )
         self.rehearsing = self.task.rehearsed
         self._begin()

@@ -1,5 +1,6 @@
 """A problem depends on its numbers and its stream, and comes with its certificate."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -15,7 +16,7 @@ def maker(spheres):
 def fields(draft):
     scene = draft.scene
     return [
-        *(scene.kind, scene.half_size, scene.position, scene.quaternion),
+        *jax.tree.leaves(scene.obstacles),
         *(draft.start, draft.goal, draft.goal_position, draft.goal_quaternion, draft.witness),
     ]
 
@@ -40,7 +41,7 @@ def test_another_stream_or_number_makes_another_problem(maker):
 @pytest.mark.parametrize("index", range(32))
 def test_every_group_of_the_static_task_yields_certified_problems(index, maker, spheres):
     draft = maker.problem("SE", index, stream="tests")
-    spheres.set_scene(draft.scene)
+    spheres.set_obstacles(draft.scene.obstacles)
     start, goal, witness = (x.astype(float) for x in (draft.start, draft.goal, draft.witness))
     assert certificate.certify(witness, start, goal, spheres, None).fault is None
     distance = np.linalg.norm(spheres.grip_pose(start)[0] - draft.goal_position)

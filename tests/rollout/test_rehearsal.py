@@ -6,9 +6,8 @@ import pytest
 from drpbench.contract import CONTROL_STEPS
 from drpbench.envs import TASKS
 from drpbench.policies import Straight
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.rollout import Rollout
-from drpbench.rollout.batch import take
 
 IDS = [0, 1, 2, 100, 101, 102, 200, 201]
 
@@ -24,7 +23,7 @@ def passes():
         return dict(episodes[-1])
 
     rollout._episode = spied
-    trace = rollout.run(take(load("SAO"), IDS), told.append)
+    trace = rollout.run(load_set().task("SAO").take(IDS), told.append)
     assert len(episodes) == 2
     return episodes[0], trace, told
 

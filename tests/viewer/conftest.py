@@ -3,7 +3,7 @@
 import pytest
 
 from drpbench.policies import DcpRmp, Straight
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.viewer import Simulation
 
 FURNISHED = 23  # a problem of FDO with a cardboard box on the table
@@ -11,7 +11,7 @@ FURNISHED = 23  # a problem of FDO with a cardboard box on the table
 
 @pytest.fixture(scope="session")
 def compiled():
-    simulation = Simulation("FDO", DcpRmp(Straight()), load("FDO"))
+    simulation = Simulation("FDO", DcpRmp(Straight()), load_set().task("FDO"))
     list(simulation.compile(FURNISHED))
     return simulation
 

@@ -36,6 +36,9 @@ class Appearing:
     title: str = "suddenly appearing obstacle"
     movers: int = 1
     rehearsed: bool = True
+    stays: bool = False
+    conditional: bool = False
+    training_levels: tuple[tuple[int, ...], tuple[int, ...]] = ((1,), (2,))
 
     def reset(self, problem, arm, key):
         path = jnp.zeros((CONTROL_STEPS // _STRIDE, 3))

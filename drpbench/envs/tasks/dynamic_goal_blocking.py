@@ -32,6 +32,9 @@ class DynamicGoalBlocking:
     title: str = "dynamic goal blocking"
     movers: int = 3
     rehearsed: bool = False
+    stays: bool = True
+    conditional: bool = False
+    training_levels: tuple[tuple[int, ...], tuple[int, ...]] = ((1, 1, 1, 2), (1, 1, 1, 2))
 
     def reset(self, problem, arm, key):
         goal = problem.goal_position

@@ -33,6 +33,9 @@ class Floating:
     title: str = "floating dynamic obstacles"
     movers: int = 3
     rehearsed: bool = False
+    stays: bool = False
+    conditional: bool = False
+    training_levels: tuple[tuple[int, ...], tuple[int, ...]] = ((1,), (2,))
 
     def reset(self, problem, arm, key):
         # Edges of 0.1 to 0.2 m on level 1 (the bare table), up to 0.3 m on level 2.

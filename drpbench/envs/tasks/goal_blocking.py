@@ -35,6 +35,9 @@ class GoalBlocking:
     title: str = "goal blocking"
     movers: int = 1
     rehearsed: bool = False
+    stays: bool = False
+    conditional: bool = True
+    training_levels: tuple[tuple[int, ...], tuple[int, ...]] = ((1,), (2,))
 
     def reset(self, problem, arm, key):
         return no_movers(1), _Memory(key, jnp.int32(0), jnp.bool_(False))

@@ -13,6 +13,9 @@ class Static:
     title: str = "static environment"
     movers: int = 0
     rehearsed: bool = False
+    stays: bool = False
+    conditional: bool = False
+    training_levels: tuple[tuple[int, ...], tuple[int, ...]] = ((1,), (2,))
 
     def reset(self, problem, arm, key):
         return no_movers(0), ()

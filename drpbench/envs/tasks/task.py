@@ -33,6 +33,12 @@ class Task(Protocol):
     """How many moving boxes there can be."""
     rehearsed: bool
     """Whether a first pass records the policy's path, and `second_pass` starts the one that counts."""
+    stays: bool
+    """Whether the arm starts at its goal, and has to come back to it."""
+    conditional: bool
+    """Whether an episode may turn out to be no instance of the task, see `valid`."""
+    training_levels: tuple[tuple[int, ...], tuple[int, ...]]
+    """Levels of problems drawn to learn from, on the bare table and elsewhere; each is taken in turn."""
 
     def reset(self, problem: Problem, arm: Arm, key: PRNGKeyArray) -> tuple[Movers, Any]:
         """The boxes before the first control step."""
