@@ -56,10 +56,12 @@ def view(
     use_cache()
     from rich.console import Console
 
+    from drpbench.evaluation.run import require_runnable
     from drpbench.plugins.registry import choose
     from drpbench.viewer import Simulation
     from drpbench.viewer.page import Page
 
+    require_runnable(problem_set, [name])
     console = Console()
     choice = choose(policy, policy_arg or (), time_limit)
     simulation = Simulation(name, choice.policy, problems, seed)

@@ -20,6 +20,7 @@ from drpbench.plugins.registry import choose
 from drpbench.problems import ProblemSet, ProblemSetError, load_set
 from drpbench.results import Header, Journal, Result, Row
 from drpbench.results.trajectories import Trajectories
+from drpbench.robot import PANDA
 from drpbench.rollout import LANES
 from drpbench.rollout.batch import Trace
 from drpbench.rollout.host import rollout_of
@@ -84,6 +85,22 @@ def versions() -> dict[str, str]:
     return {"drpbench": __version__, "python": platform.python_version(), **found}
 
 
+def require_runnable(problem_set: ProblemSet, tasks: Sequence[str]) -> None:
+    """Raises ProblemSetError where there is no world for these tasks of a set."""
+    if problem_set.robot != PANDA or not problem_set.ground:
+        raise ProblemSetError(
+            f"{problem_set.name} cannot be run: expected problems of {PANDA.name} with its usual finger "
+            "opening, on a ground"
+        )
+    for task in tasks:
+        problem_set.task(task)
+        if task not in TASKS:
+            raise ProblemSetError(
+                f"{problem_set.name} has problems of a task {task}, which drpbench does not know; "
+                f"its tasks are {', '.join(TASKS)}"
+            )
+
+
 def run(request: Request, progress: Progress) -> Result:
     """Runs what is asked for, or what is left of it, and writes the result file.
 
@@ -92,7 +109,9 @@ def run(request: Request, progress: Progress) -> Result:
     choice = choose(request.policy, request.policy_arguments, request.time_limit)
     policy = choice.policy
     chosen = request.problem_set
-    _require_known(chosen, request.problems)
+    require_runnable(chosen, list(request.problems))
+    for task, ids in request.problems.items():
+        chosen.task(task).require(ids or ())
     header = Header(
         policy=request.policy,
         policy_parameters=choice.parameters,
@@ -125,17 +144,6 @@ def run(request: Request, progress: Progress) -> Result:
             if trajectories:
                 trajectories.finish()
         return journal.finish()
-
-
-def _require_known(chosen: ProblemSet, wanted: Mapping[str, Sequence[int] | None]) -> None:
-    """Raises ProblemSetError for a task that is not there, or an id."""
-    for task, ids in wanted.items():
-        chosen.task(task).require(ids or ())
-        if task not in TASKS:
-            raise ProblemSetError(
-                f"{chosen.name} has problems of a task {task}, which drpbench does not know; "
-                f"its tasks are {', '.join(TASKS)}"
-            )
 
 
 def _run_task(

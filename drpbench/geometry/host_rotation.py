@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from numpy.typing import ArrayLike
 
 
-def axis_angle(axis: ArrayLike, angle: float) -> np.ndarray:
+def axis_angle(axis: Sequence[float | int] | np.ndarray, angle: float) -> np.ndarray:
     """Quaternion (4,) of a turn by `angle` [rad] about `axis` (3,), which need not be of unit length."""
     direction = np.asarray(axis, float)
     direction = direction / np.linalg.norm(direction)

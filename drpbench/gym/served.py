@@ -1,18 +1,16 @@
 """Which problems an environment serves: the frozen ones by number, or training problems by number."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from drpbench.contract import Problem
 from drpbench.envs import Task
+from drpbench.evaluation.run import require_runnable
 from drpbench.geometry import stacked
 from drpbench.problems import ProblemSet, goal_poses, load_set
 from drpbench.robot import PANDA, Robot
-
-if TYPE_CHECKING:
-    from drpbench.generation.training_problems import Drawn
 
 
 class Problems(Protocol):
@@ -108,7 +106,7 @@ class Training:
             obstacles=stacked([one.obstacles for one in drawn]).primitives(),
         )
 
-    def _unobstructed(self, id: int) -> "Drawn":
+    def _unobstructed(self, id: int) -> Any:  # Drawn, which is heavy to import
         while (drawn := self._drawer.draw(id)).obstructed:
             id = (id + 1) % _MOST
         return drawn
@@ -121,6 +119,7 @@ SOURCES = ("frozen", "training")
 def source(problems: str | ProblemSet, task: Task) -> Problems:
     """Problems of a task by one of the SOURCES, or those of a set. Raises ValueError for another name."""
     if isinstance(problems, ProblemSet):
+        require_runnable(problems, [task.name])
         return Frozen(task, problems)
     if problems not in SOURCES:
         raise ValueError(f"problems={problems!r}: there are: {', '.join(SOURCES)}")

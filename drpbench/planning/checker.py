@@ -13,6 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from drpbench.errors import DrpbenchError
 from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE, Obstacles
 from drpbench.robot import PANDA
 
@@ -64,10 +65,15 @@ class Checker:
     def set_obstacles(self, obstacles: Obstacles) -> None:
         """Puts the obstacles of one scene into the model, in place of those that were there.
 
-        The first one is what the arm stands on. Masked ones are left out.
+        The first one is what the arm stands on. Masked ones are left out. Raises DrpbenchError for more
+        than MAX_OBSTACLES.
         """
         self._clear()
         model, there = self.model, obstacles.present()
+        if there.count > MAX_OBSTACLES:
+            raise DrpbenchError(
+                f"a scene of {there.count} obstacles: MuJoCo's model of the arm has room for {MAX_OBSTACLES}"
+            )
         kind, half_size = there.kind, there.half_size
         position, quaternion = there.position, there.quaternion
         for slot in range(there.count):

@@ -1,10 +1,12 @@
 """A run is of the problem set it is given, and only that set makes sense of its rows."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from drpbench.evaluation import Request, run
+from drpbench.evaluation.run import require_runnable
 from drpbench.evaluation.verification import verify
 from drpbench.leaderboard import load_dir
 from drpbench.leaderboard.submission import assess, check
@@ -84,3 +86,21 @@ def test_what_the_set_has_not_is_refused_before_anything_runs(mine, tmp_path):
         with pytest.raises(ProblemSetError, match=told):
             run(request, Silent())
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"ground": False}, "mine cannot be run: expected .* on a ground"),
+        ({"finger_opening": 0.01}, "mine cannot be run: expected .* usual finger opening"),
+    ],
+)
+def test_a_world_that_there_is_not_is_refused(tmp_path, changes, told):
+    with pytest.raises(ProblemSetError, match=told):
+        require_runnable(write(tmp_path / "mine.jsonl", **changes), ["SE"])
+
+
+def test_a_task_that_there_is_not_is_named(mine):
+    named = replace(mine, problems={"POUR": mine.task("SE")})
+    with pytest.raises(ProblemSetError, match="a task POUR, .*; its tasks are SE, SAO"):
+        require_runnable(named, ["POUR"])

@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from drpbench.errors import DrpbenchError
 from drpbench.generation.families import FAMILIES
-from drpbench.geometry import BOX, CYLINDER, SPHERE
+from drpbench.geometry import BOX, CYLINDER, SPHERE, Obstacles
 from drpbench.robot import PANDA
 
 
@@ -43,6 +44,13 @@ def near_home(count, seed):
     return np.clip(
         PANDA.home + rng.normal(0, 0.6, (count, 7)), PANDA.joint_lower, PANDA.joint_upper
     )
+
+
+def test_more_obstacles_than_there_are_slots_for_are_refused(spheres):
+    with pytest.raises(DrpbenchError, match="25 obstacles: .* room for 24"):
+        spheres.set_obstacles(
+            Obstacles.boxes(np.ones((25, 3)), np.zeros((25, 3)), np.ones((25, 4)))
+        )
 
 
 @pytest.mark.parametrize("family", FAMILIES)
