@@ -23,13 +23,13 @@ import numpy as np
 from drpbench.compile import use_cache
 from drpbench.generation.certificate import certify
 from drpbench.generation.generator import CHECKER_MARGIN, PATH_CLEARANCE
-from drpbench.geometry import Primitives, quaternion_to_matrix
+from drpbench.geometry import Obstacles, Primitives, stacked
 from drpbench.leaderboard import wilson
 from drpbench.planning.checker import Checker, sphere_checker
 from drpbench.planning.expert import CHEAP, THOROUGH, PlannerSettings, planner
 from drpbench.planning.retiming import step_lengths
 from drpbench.planning.rrt_connect import Planner
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.robot import PANDA
 
 WIDTH = 24  # obstacle slots
@@ -44,44 +44,22 @@ OMPL_STEP = 0.02  # [rad] between two checked states
 class Sample:
     """n problems, obstacles padded to WIDTH."""
 
-    kind: np.ndarray
-    half_size: np.ndarray
-    position: np.ndarray
-    quaternion: np.ndarray
-    mask: np.ndarray
+    obstacles: Obstacles
     start: np.ndarray
     goal: np.ndarray
 
     def into(self, checker: Checker, i: int) -> None:
-        there = self.mask[i]
-        checker.set_obstacles(
-            self.kind[i][there],
-            self.half_size[i][there],
-            self.position[i][there],
-            self.quaternion[i][there],
-        )
+        checker.set_obstacles(self.obstacles[i])
 
     def batch(self, ids: np.ndarray) -> tuple[Primitives, np.ndarray, np.ndarray]:
-        rotation = np.asarray(quaternion_to_matrix(jnp.asarray(self.quaternion[ids])))
-        obstacles = Primitives(
-            self.kind[ids], self.half_size[ids], self.position[ids], rotation, self.mask[ids]
-        )
-        return obstacles, self.start[ids], self.goal[ids]
+        return self.obstacles[ids].primitives(), self.start[ids], self.goal[ids]
 
 
 def frozen(count: int, seed: int) -> Sample:
     """`count` random problems of drpbench-v1's task SE."""
-    problems = load("SE")
+    problems = load_set().task("SE")
     ids = np.sort(np.random.default_rng(seed).choice(problems.count, count, replace=False))
-    spare = WIDTH - problems.mask.shape[1]
-
-    def padded(name):
-        array = getattr(problems, name)[ids]
-        return np.concatenate([array, np.repeat(array[:, :1], spare, axis=1)], axis=1)
-
-    mask = np.pad(problems.mask[ids], ((0, 0), (0, spare)))
-    names = ("kind", "half_size", "position", "quaternion")
-    return Sample(*map(padded, names), mask, problems.start[ids], problems.goal[ids])
+    return Sample(problems.obstacles[ids].padded(WIDTH), problems.start[ids], problems.goal[ids])
 
 
 def drawn(count: int, seed: int) -> Sample:
@@ -94,8 +72,11 @@ def drawn(count: int, seed: int) -> Sample:
         number += 1
         if not one.obstructed:
             found.append(one)
-    names = ("kind", "half_size", "position", "quaternion", "mask", "start", "goal")
-    return Sample(*(np.stack([getattr(one, name) for one in found]) for name in names))
+    return Sample(
+        stacked([one.obstacles for one in found]),
+        np.stack([one.start for one in found]),
+        np.stack([one.goal for one in found]),
+    )
 
 
 def by_host(sample: Sample, checker: Checker, seed: int) -> tuple[list, np.ndarray]:

@@ -26,8 +26,8 @@ from drpbench.compile import use_cache
 from drpbench.envs import TASKS, World
 from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.registry import choose
-from drpbench.problems import load
-from drpbench.rollout import LANES, Rollout, take
+from drpbench.problems import load_set
+from drpbench.rollout import LANES, Rollout
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -56,9 +56,9 @@ def main() -> None:
     if importlib.util.find_spec("torch"):
         names["torch"] = "torch_policy:Approach"
     names["remote"] = address
-    problems = load(options.task)
+    problems = load_set().task(options.task)
     world = World(TASKS[options.task])
-    batch = take(problems, [i % len(problems.level) for i in range(options.batch)])
+    batch = problems.take([i % len(problems.level) for i in range(options.batch)])
     try:
         rollouts = {
             name: Rollout(world, choose(path).policy, lanes=options.batch)

@@ -21,22 +21,18 @@ from drpbench.generation import certificate
 from drpbench.planning import motion
 from drpbench.planning.checker import mesh_checker, sphere_checker
 from drpbench.planning.rrt_connect import Planner
-from drpbench.problems import PROBLEM_SET, TASKS, load
+from drpbench.problems import load_set
 from drpbench.robot import PANDA
 
 
 def measure(task: str, spheres, meshes) -> tuple[dict[tuple[str, str, int], list[dict]], list[str]]:
     """Rows of figures by (family, pair, level), and the faults found."""
-    problems = load(task)
+    problems = load_set().task(task)
     rows, faults = defaultdict(list), []
     for index in range(problems.count):
-        there = problems.mask[index]
-        scene = [
-            getattr(problems, name)[index][there]
-            for name in ("kind", "half_size", "position", "quaternion")
-        ]
-        spheres.set_obstacles(*scene)
-        meshes.set_obstacles(*scene)
+        scene = problems.obstacles[index]
+        spheres.set_obstacles(scene)
+        meshes.set_obstacles(scene)
         start, goal = problems.start[index].astype(float), problems.goal[index].astype(float)
         witness = problems.witness[index].astype(float)
         proof = certificate.certify(witness, start, goal, spheres, meshes)
@@ -48,7 +44,7 @@ def measure(task: str, spheres, meshes) -> tuple[dict[tuple[str, str, int], list
                 "straight_spheres": Planner(spheres, 0.0).straight(start, goal),
                 "straight_meshes": Planner(meshes, 0.0).straight(start, goal),
                 "distance": float(np.linalg.norm(problems.goal_position[index] - here)),
-                "obstacles": int(there.sum()),
+                "obstacles": int(scene.mask.sum()),
                 "waypoints": len(witness),
                 "detour": sum(map(motion.bound, witness[:-1], witness[1:]))
                 / max(motion.bound(start, goal), 1e-9),
@@ -80,15 +76,9 @@ def summary(rows: list[dict]) -> dict:
 
 def check_time(checker, repeats: int = 2000) -> float:
     """Median microseconds of a check over random configurations near the frozen scenes' starts."""
-    problems, rng, times = load("SE"), np.random.default_rng(0), []
+    problems, rng, times = load_set().task("SE"), np.random.default_rng(0), []
     for index in rng.choice(problems.count, min(20, problems.count), replace=False):
-        there = problems.mask[index]
-        checker.set_obstacles(
-            *(
-                getattr(problems, name)[index][there]
-                for name in ("kind", "half_size", "position", "quaternion")
-            )
-        )
+        checker.set_obstacles(problems.obstacles[index])
         for q in problems.start[index] + rng.normal(0, 0.3, (repeats // 20, 7)):
             began = time.perf_counter()
             checker.clearance(q)
@@ -104,7 +94,7 @@ def main() -> None:
         raise SystemExit(f"certificates need the real meshes; {PANDA.meshes.absent}")
     spheres, meshes = sphere_checker(), mesh_checker(model)
     groups, faults, families = [], [], defaultdict(list)
-    for task in TASKS:
+    for task in load_set().tasks:
         rows, wrong = measure(task, spheres, meshes)
         faults += wrong
         for (family, pair, level), found in sorted(rows.items()):
@@ -114,8 +104,8 @@ def main() -> None:
             if task == "SE":
                 families[family] += found
     report = {
-        "problem_set": PROBLEM_SET,
-        "sha256": load("SE").sha256,
+        "problem_set": load_set().name,
+        "sha256": load_set().sha256,
         "certificate_faults": faults,
         "check_microseconds": {"spheres": check_time(spheres), "meshes": check_time(meshes)},
         "SE_families": {family: summary(found) for family, found in sorted(families.items())},

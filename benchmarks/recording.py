@@ -20,13 +20,13 @@ from drpbench.compile import use_cache
 from drpbench.envs import TASKS, World
 from drpbench.evaluation.run import device_name, versions
 from drpbench.plugins.registry import choose
-from drpbench.problems import ProblemSet, load
+from drpbench.problems import load_set
 from drpbench.recording import Recorder, motion, traced
 from drpbench.recording.stage import Stage
 from drpbench.recording.video import GRID_SIZE, SIZE
 from drpbench.results import Header
 from drpbench.robot import PANDA
-from drpbench.rollout import LANES, Rollout, Trace, take
+from drpbench.rollout import LANES, Rollout, Trace
 
 RUNS = [("SE", "rmp"), ("FDO", "rmp"), ("FDO", "straight+dcp-rmp"), ("FDO", "drp")]
 
@@ -56,14 +56,14 @@ def now() -> np.ndarray:
     return np.array([time.perf_counter(), time.process_time()])
 
 
-def header_of(policy: str, task: str, problems: ProblemSet) -> Header:
+def header_of(policy: str, task: str) -> Header:
     return Header(
         policy=policy,
         policy_parameters=choose(policy).parameters,
         privileged=False,
         tasks=[task],
-        problem_set=problems.name,
-        problem_set_sha256=problems.sha256,
+        problem_set=load_set().name,
+        problem_set_sha256=load_set().sha256,
         seed=0,
         precision="float32",
         device=device_name(),
@@ -78,9 +78,9 @@ def header_of(policy: str, task: str, problems: ProblemSet) -> Header:
 
 def cost(task: str, policy: str, batches: int, repetitions: int) -> tuple[Cost, Trace, list[int]]:
     """Of batches of episodes spread over the task."""
-    problems = load(task)
+    problems = load_set().task(task)
     ids = [i * problems.count // LANES for i in range(LANES)]
-    rollout, batch = Rollout(World(TASKS[task]), choose(policy).policy), take(problems, ids)
+    rollout, batch = Rollout(World(TASKS[task]), choose(policy).policy), problems.take(ids)
     header = header_of(policy, task, problems)
     with tempfile.TemporaryDirectory() as folder:
         trace = rollout.run(batch)
@@ -107,7 +107,7 @@ def frame_times(
     trace: Trace, ids: list[int], size: tuple[int, int], frames: int, real: bool
 ) -> np.ndarray:
     """Median time [s] of a frame, of the clock and of the processor; `real`: with the arm's meshes."""
-    episode = traced(ids[0], load("FDO"), 0, trace, 0)
+    episode = traced(ids[0], load_set().task("FDO"), 0, trace, 0)
     moved, stage = motion(episode), Stage(*size, PANDA, real)
     times = [now()]
     for instant in np.linspace(0, episode.instants - 1, frames + 1).astype(int):

@@ -24,7 +24,7 @@ from drpbench.evaluation.referee import (
     judge_episode,
 )
 from drpbench.planning.checker import sphere_checker
-from drpbench.problems import counts, load
+from drpbench.problems import load_set
 from drpbench.results.names import trajectories_file
 from drpbench.results.trajectories import load_trajectories
 
@@ -42,20 +42,20 @@ def judged(policy: str, per_task: int, seed: int) -> tuple[list[Judgement], list
     spheres."""
     ids = {
         task: sorted({i * count // per_task for i in range(per_task)})
-        for task, count in counts().items()
+        for task, count in load_set().counts.items()
     }
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run.json"
         request = Request(policy=policy, problems=ids, out=out, seed=seed, save_trajectories=True)
         result = run(request, Quiet())
         recorded = load_trajectories(trajectories_file(out))
-    problems = {task: load(task) for task in ids}
+    problems = {task: load_set().task(task) for task in ids}
     spheres = sphere_checker(MARGIN)
     by_spheres = [
-        judge_episode(row, recorded[f"{row.task}-{row.id}"], problems[row.task], spheres)
+        judge_episode(row, recorded[f"{row.task}-{row.id}"], problem_set.task(row.task), spheres)
         for row in result.rows
     ]
-    return judge(result, recorded, problems), by_spheres
+    return judge(result, recorded, problem_set), by_spheres
 
 
 def row(name: str, figures: Agreement) -> str:
@@ -78,7 +78,7 @@ def report(by_policy: dict[str, list[Judgement]]) -> None:
     )
     print("|---|---|---|---|---|---|---|")
     for policy, judgements in by_policy.items():
-        for task in counts():
+        for task in load_set().counts:
             print(
                 row(f"{policy}, {task}", agreement([j for j in judgements if j.row.task == task]))
             )

@@ -17,7 +17,7 @@ import numpy as np
 
 from drpbench.evaluation import Request, run
 from drpbench.leaderboard import load_dir
-from drpbench.problems import counts, load
+from drpbench.problems import load_set
 from drpbench.report.page import write_report
 from drpbench.report.pictures import pictures
 from drpbench.results import Header, Result, Row, save
@@ -84,8 +84,8 @@ def result(rng: np.random.Generator, policy: str, instances: list[tuple[str, int
 def report(wanted: int) -> None:
     """Times a report on so many rows."""
     rng = np.random.default_rng(0)
-    sizes = counts()
-    families = {task: load(task).family for task in sizes}
+    sizes = load_set().counts
+    families = {task: load_set().task(task).family for task in sizes}
     whole = [(task, id, families[task][id]) for task in sizes for id in range(sizes[task])]
     with tempfile.TemporaryDirectory() as name:
         folder, page = Path(name), Path(name) / "report.html"
@@ -119,7 +119,7 @@ def draw(count: int) -> None:
     """Times so many pictures, the first time and once more."""
     with tempfile.TemporaryDirectory() as name:
         out = Path(name) / "straight.json"
-        ids = list(range(min(2 * count, counts()["FDO"])))  # four in five are failures
+        ids = list(range(min(2 * count, load_set().counts["FDO"])))  # four in five are failures
         request = Request("straight", {"FDO": ids}, out, save_trajectories=True)
         results = {out.name: run(request, Silent())}
         print("\n| pictures | in all | each, the second time | size of each, in the page |")

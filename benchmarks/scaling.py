@@ -16,7 +16,7 @@ from world_loop import WorldLoop, batch_of, most_obstacles
 from drpbench.compile import use_cache
 from drpbench.contract import Problem
 from drpbench.evaluation.run import device_name
-from drpbench.problems import ProblemSet, load
+from drpbench.problems import TaskProblems, load_set
 
 STEPS = 50  # control steps a repetition
 
@@ -27,7 +27,7 @@ def with_obstacles(problem: Problem, count: int) -> Problem:
     return replace(problem, obstacles=fewer)
 
 
-def crowded(problems: ProblemSet, batch: int) -> Problem:
+def crowded(problems: TaskProblems, batch: int) -> Problem:
     """A batch of the problems with the most obstacles; all 24 places are taken in each.
 
     Where a problem has fewer, its first ones stand a second time where they are: it costs the same.
@@ -49,7 +49,7 @@ def median_cost(loop: WorldLoop, repetitions: int) -> float:
 def measure(task: str, batches: list[int], counts: list[int], batch: int, repetitions: int):
     """Costs [µs] by batch size, with every obstacle, and by number of obstacles at batch
     `batch`."""
-    problems = load(task)
+    problems = load_set().task(task)
     by_batch = [
         median_cost(WorldLoop(task, crowded(problems, size), STEPS), repetitions)
         for size in batches

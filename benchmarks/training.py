@@ -22,6 +22,7 @@ import numpy as np
 
 from drpbench.compile import use_cache
 from drpbench.generation.training_problems import Drawer
+from drpbench.geometry import stacked
 from drpbench.learning.batches import draw
 from drpbench.learning.demonstrations import Demonstrations
 from drpbench.learning.pretraining import Pretraining, Settings
@@ -35,17 +36,9 @@ def demonstrations(count: int) -> Demonstrations:
     drawn = [drawer.draw(number) for number in range(count)]
     stack = {
         name: np.stack([getattr(one, name) for one in drawn])
-        for name in (
-            "index",
-            "family",
-            "kind",
-            "half_size",
-            "position",
-            "quaternion",
-            "mask",
-            "goal",
-        )
+        for name in ("index", "family", "goal")
     }
+    stack["obstacles"] = stacked([one.obstacles for one in drawn])
     path = np.stack([one.hint for one in drawn])
     steps = np.abs(np.diff(path, axis=1)) / PANDA.velocity_limit
     length = steps.max(axis=2).sum(axis=1).astype(np.float32)

@@ -10,15 +10,14 @@ import numpy as np
 from drpbench.compile import jit
 from drpbench.contract import Observation, Problem
 from drpbench.envs import TASKS, State, World
-from drpbench.problems import ProblemSet
-from drpbench.rollout import instance_key, take
+from drpbench.rollout import instance_key
 
 
-def most_obstacles(problems: ProblemSet, scenes: int) -> list[int]:
+def most_obstacles(problems: TaskProblems, scenes: int) -> list[int]:
     """The ids of the problems with the most obstacles, two of each family at most."""
     chosen: list[int] = []
     families = np.array(problems.family)
-    for index in np.argsort(-problems.mask.sum(axis=1), kind="stable"):
+    for index in np.argsort(-problems.obstacles.mask.sum(axis=1), kind="stable"):
         if (families[chosen] == families[index]).sum() < 2:
             chosen.append(int(index))
     return chosen[:scenes]
@@ -66,6 +65,6 @@ class WorldLoop:
         return self.batch * self.steps / self.seconds()
 
 
-def batch_of(problems: ProblemSet, ids: list[int], batch: int) -> Problem:
+def batch_of(problems: TaskProblems, ids: list[int], batch: int) -> Problem:
     """The problems `ids` in turn, `batch` in all."""
-    return take(problems, [ids[i % len(ids)] for i in range(batch)])
+    return problems.take([ids[i % len(ids)] for i in range(batch)])

@@ -23,14 +23,14 @@ from world_loop import WorldLoop, batch_of, most_obstacles
 from drpbench.compile import use_cache
 from drpbench.contract import CONTROL_PERIOD
 from drpbench.evaluation.run import device_name
-from drpbench.problems import ProblemSet, load
+from drpbench.problems import TaskProblems, load_set
 from drpbench.robot import PANDA
 
 SUBSTEPS = 2
 SHAPES = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_SPHERE)
 
 
-def mujoco_model(problems: ProblemSet, index: int) -> mujoco.MjModel:
+def mujoco_model(problems: TaskProblems, index: int) -> mujoco.MjModel:
     """The mesh arm with position servos among the obstacles of one problem, contacts on."""
     path = PANDA.meshes.find()
     if path is None:
@@ -53,13 +53,9 @@ def mujoco_model(problems: ProblemSet, index: int) -> mujoco.MjModel:
                 pair[0] in one and pair[1] in two for one, two in PANDA.self_collision_blocks
             ):
                 spec.add_exclude(bodyname1=a, bodyname2=b)
+    scene = problems.obstacles[index]
     for kind, half, position, quaternion, exists in zip(
-        problems.kind[index],
-        problems.half_size[index],
-        problems.position[index],
-        problems.quaternion[index],
-        problems.mask[index],
-        strict=True,
+        scene.kind, scene.half_size, scene.position, scene.quaternion, scene.mask, strict=True
     ):
         # A body each: MuJoCo's broad phase works on bodies. One that is masked collides with
         # nothing, and is there because a rollout's models must be of one size.
@@ -73,7 +69,9 @@ def mujoco_model(problems: ProblemSet, index: int) -> mujoco.MjModel:
 class MujocoLoop:
     """The same worlds in C MuJoCo, spread over threads."""
 
-    def __init__(self, problems: ProblemSet, ids: list[int], batch: int, steps: int, threads: int):
+    def __init__(
+        self, problems: TaskProblems, ids: list[int], batch: int, steps: int, threads: int
+    ):
         self.batch, self.steps = batch, steps
         models = {index: mujoco_model(problems, index) for index in ids}
         turn = [ids[i % len(ids)] for i in range(batch)]
@@ -125,9 +123,9 @@ def main() -> None:
     arguments = parser.parse_args()
     use_cache()
 
-    problems = load(arguments.task)
+    problems = load_set().task(arguments.task)
     ids = most_obstacles(problems, arguments.scenes)
-    obstacles = problems.mask[ids].sum(axis=1)
+    obstacles = problems.obstacles.mask[ids].sum(axis=1)
     ours = WorldLoop(arguments.task, batch_of(problems, ids, arguments.batch), arguments.steps)
     theirs = MujocoLoop(problems, ids, arguments.batch, arguments.steps, arguments.threads)
     rates = [(ours.rate(), theirs.rate()) for _ in range(arguments.repetitions)]

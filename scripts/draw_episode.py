@@ -12,10 +12,10 @@ from PIL import Image
 from drpbench.compile import use_cache
 from drpbench.envs import TASKS, World
 from drpbench.plugins.registry import choose
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.recording import motion, traced
 from drpbench.recording.stage import Stage
-from drpbench.rollout import Rollout, take
+from drpbench.rollout import Rollout
 
 SIZE = (480, 400)  # [pixels] of one instant
 
@@ -29,9 +29,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("docs/episode.png"))
     arguments = parser.parse_args()
     use_cache()
-    problems = load(arguments.task)
+    problems = load_set().task(arguments.task)
     rollout = Rollout(World(TASKS[arguments.task]), choose(arguments.policy).policy)
-    trace = rollout.run(take(problems, [arguments.id]))
+    trace = rollout.run(problems.take([arguments.id]))
     episode = traced(arguments.id, problems, 0, trace, 0)
     moved, stage = motion(episode), Stage(*SIZE, episode.world.robot)
     pictures = [stage.draw(episode, moved, step + 1) for step in arguments.steps]

@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 
 from drpbench.geometry import BOX, CYLINDER, SPHERE
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.robot import PANDA
 
 GEOM_TYPE = {
@@ -127,11 +127,10 @@ def picture(problem, pixels: int) -> np.ndarray:
 
 def stored(task: str, index: int) -> dict:
     """Obstacles, start and goal of a frozen problem, and what the tile is called."""
-    problems = load(task)
-    there = problems.mask[index]
-    names = ("kind", "half_size", "position", "quaternion")
+    problems = load_set().task(task)
+    there = problems.obstacles[index].present()
     return {
-        **{name: getattr(problems, name)[index][there] for name in names},
+        **{name: getattr(there, name) for name in ("kind", "half_size", "position", "quaternion")},
         "start": problems.start[index],
         "goal": problems.goal[index],
         "family": problems.family[index],

@@ -10,13 +10,12 @@ from pathlib import Path
 from PIL import Image
 
 from drpbench.compile import use_cache
-from drpbench.envs import CONTROL_PERIOD, TASKS
-from drpbench.evaluation import Rollout
+from drpbench.envs import TASKS, World
 from drpbench.plugins.registry import choose
-from drpbench.problems import load
-from drpbench.recording import Episode, motion, traced
+from drpbench.problems import load_set
+from drpbench.recording import Recording, motion, traced
 from drpbench.recording.stage import Stage
-from drpbench.rollout.batch import take
+from drpbench.rollout import Rollout
 
 SIZE, DRAWN = (640, 400), (1280, 840)  # [pixels] of the film; drawn larger, for smooth edges
 CAPTION = 40  # [pixels] at the top of what is drawn, cut off: too small to read in the film
@@ -33,16 +32,16 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("docs/drpbench.webp"))
     arguments = parser.parse_args()
     use_cache()
-    problems = load(arguments.task)
-    rollout = Rollout(TASKS[arguments.task], choose(arguments.policy).policy)
-    trace = rollout.run(take(problems, [arguments.id]))
-    write(arguments.out, traced(arguments.task, arguments.id, problems, 0, trace, 0))
+    problems = load_set().task(arguments.task)
+    rollout = Rollout(World(TASKS[arguments.task]), choose(arguments.policy).policy)
+    trace = rollout.run(problems.take([arguments.id]))
+    write(arguments.out, traced(arguments.id, problems, 0, trace, 0))
 
 
-def write(path: Path, episode: Episode) -> None:
+def write(path: Path, episode: Recording) -> None:
     """Writes an animated WebP of the episode up to the control step LAST."""
     pictures = list(frames(episode))
-    each = round(1000 * STRIDE * CONTROL_PERIOD / SPEED)  # [ms]
+    each = round(1000 * STRIDE * episode.world.episode.period / SPEED)  # [ms]
     pictures[0].save(
         path,
         save_all=True,
@@ -54,9 +53,9 @@ def write(path: Path, episode: Episode) -> None:
     )
 
 
-def frames(episode: Episode) -> Iterator[Image.Image]:
+def frames(episode: Recording) -> Iterator[Image.Image]:
     """The film's frames: the camera stands nearer than the video's."""
-    moved, stage = motion(episode), Stage(*DRAWN)
+    moved, stage = motion(episode), Stage(*DRAWN, episode.world.robot)
     stage.camera.lookat[:] = (0.25, 0.0, 0.45)
     stage.camera.distance = 1.75
     for instant in range(0, LAST + 1, STRIDE):

@@ -15,7 +15,7 @@ from pathlib import Path
 from PIL import Image
 
 from drpbench.leaderboard import load_dir
-from drpbench.problems import counts
+from drpbench.problems import load_set
 from drpbench.report.page import write_report
 from drpbench.results.shipped import shipped_results
 
@@ -32,7 +32,7 @@ def main() -> None:
         sys.exit(f"no Chromium on the PATH; looked for {', '.join(NAMES)}")
     with tempfile.TemporaryDirectory() as name:
         page, shot = Path(name) / "report.html", Path(name) / "report.png"
-        write_report(page, load_dir(shipped_results()), counts(), "results")
+        write_report(page, load_dir(shipped_results()), load_set().counts, "results")
         options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"]
         options += [f"--user-data-dir={name}/profile", f"--window-size={WIDTH},{HEIGHT}"]
         command = [browser, *options, f"--screenshot={shot}", page.as_uri()]

@@ -16,7 +16,7 @@ from PIL import Image
 from drpbench.compile import use_cache
 from drpbench.envs import TASKS, World
 from drpbench.plugins.registry import choose
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.viewer import Simulation
 from drpbench.viewer.page import Page
 
@@ -35,7 +35,7 @@ def main() -> None:
     arguments = parser.parse_args()
     use_cache()
     policy = choose(arguments.policy).policy
-    simulation = Simulation(World(TASKS[arguments.task]), policy, load(arguments.task))
+    simulation = Simulation(World(TASKS[arguments.task]), policy, load_set().task(arguments.task))
     for _ in simulation.compile(arguments.id):
         pass
     for _ in range(arguments.steps):

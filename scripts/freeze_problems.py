@@ -21,8 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drpbench.generation.composition import group_of, size_of
-from drpbench.problems import TASKS
+from drpbench.generation.composition import COMPOSITION, group_of, size_of
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARD = 25  # problems in a shard
@@ -33,7 +32,7 @@ def fingerprint() -> str:
     """Digest of all that decides what is generated: the generator's source and the arm's model."""
     package = ROOT / "drpbench"
     arm = package / "robot" / "arms" / "panda"
-    paths = [arm / "panda.xml", arm / "spheres.json", package / "robot" / "spheres.py"]
+    paths = [arm / "arm.xml", arm / "spheres.json", arm / "__init__.py"]
     paths += sorted((package / "generation").rglob("*.py"))
     paths += sorted((package / "planning").glob("*.py"))
     digest = hashlib.sha256()
@@ -60,11 +59,11 @@ def make_shard(job: tuple[str, int, int, Path]) -> Path:
     _generator.rejections.clear()
     drafts = [_generator.problem(task, index) for index in range(first, last)]
     arrays = {
-        "obstacle_count": np.array([d.scene.count for d in drafts], np.uint8),
-        "kind": np.concatenate([d.scene.kind for d in drafts]).astype(np.uint8),
-        "half_size": np.concatenate([d.scene.half_size for d in drafts]),
-        "position": np.concatenate([d.scene.position for d in drafts]),
-        "quaternion": np.concatenate([d.scene.quaternion for d in drafts]),
+        "obstacle_count": np.array([d.scene.obstacles.count for d in drafts], np.uint8),
+        "kind": np.concatenate([d.scene.obstacles.kind for d in drafts]).astype(np.uint8),
+        "half_size": np.concatenate([d.scene.obstacles.half_size for d in drafts]),
+        "position": np.concatenate([d.scene.obstacles.position for d in drafts]),
+        "quaternion": np.concatenate([d.scene.obstacles.quaternion for d in drafts]),
         "start": np.stack([d.start for d in drafts]),
         "goal": np.stack([d.goal for d in drafts]),
         "goal_position": np.stack([d.goal_position for d in drafts]),
@@ -139,10 +138,10 @@ def main() -> None:
     folder = arguments.shards / made_from
     folder.mkdir(parents=True, exist_ok=True)
     jobs = []
-    for task in TASKS:
+    for task in COMPOSITION:
         count = min(size_of(task), arguments.provisional or size_of(task))
         jobs += [(task, i, min(i + SHARD, count), folder) for i in range(0, count, SHARD)]
-    began, paths = time.monotonic(), {task: [] for task in TASKS}
+    began, paths = time.monotonic(), {task: [] for task in COMPOSITION}
     with multiprocessing.get_context("spawn").Pool(arguments.workers) as pool:
         for done, path in enumerate(pool.imap(make_shard, jobs), 1):
             paths[path.name.split("-")[0]].append(path)

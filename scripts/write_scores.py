@@ -9,7 +9,7 @@ from pathlib import Path
 
 from drpbench.evaluation import build, load_dir
 from drpbench.leaderboard.tables import render_markdown
-from drpbench.problems import counts
+from drpbench.problems import load_set
 from drpbench.results.shipped import shipped_results
 
 ROOT = Path(__file__).parents[1]
@@ -23,7 +23,7 @@ def with_scores(page: str, scores: str) -> str:
 
 
 def main() -> None:
-    everything = render_markdown(build(load_dir(shipped_results()), counts()))
+    everything = render_markdown(build(load_dir(shipped_results()), load_set().counts))
     success = "\n\n".join(everything.split("\n\n")[1:3])  # the first measure and its table
     for name, scores in {"README.md": success, "docs/scores.md": everything}.items():
         page = ROOT / name

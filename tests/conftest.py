@@ -88,11 +88,12 @@ def meshes():
 
 @pytest.fixture
 def obstacles():
-    """Arrays for a checker of the table and of (kind, half_size, position) triples."""
+    """The table and obstacles from (kind, half_size, position) triples, none of them turned."""
+    from drpbench.geometry import Obstacles
 
     def make(*extra):
         rows = [(0, (0.9, 1.0, 0.025), (0.4, 0.0, -0.025)), *extra]
-        return (
+        return Obstacles.of(
             np.array([row[0] for row in rows], np.int32),
             np.array([row[1] for row in rows], np.float32),
             np.array([row[2] for row in rows], np.float32),

@@ -73,6 +73,8 @@ def test_help_imports_nothing_heavy():
         (["problems", "show", "FDO", "100000"], "100000", "ids go from 0"),
         (["problems", "show", "XYZ", "1"], "XYZ", "FDO"),
         (["leaderboard", "nowhere"], "nowhere", ""),
+        (["run", "--problems-from", "nowhere.jsonl"], "nowhere.jsonl", "drpbench-v1"),
+        (["run", "--problems-from", "mine.txt"], "mine.txt: line 1", "expected one JSON object"),
         (["run", "--task", "FDO", "--policy", "impact:no.safetensors"], "no.safetensors", ""),
         (["run", "--task", "FDO", "--policy", "rmp:x.safetensors"], "'rmp'", "impact"),
         (["data", "--out", "d", "--count", "100"], "--count 100", "1024"),
@@ -118,16 +120,16 @@ def test_a_run_without_out_finds_a_name_of_its_own(tmp_path):
     here = os.getcwd()
     os.chdir(tmp_path)
     try:
-        assert default_out("rmp", ["FDO"], False).name == "rmp-FDO.json"
+        assert default_out("rmp", "FDO", False).name == "rmp-FDO.json"
         (tmp_path / "runs").mkdir()
         (tmp_path / "runs" / "rmp-FDO.json").touch()
-        assert default_out("rmp", ["FDO"], False).name == "rmp-FDO-2.json"
+        assert default_out("rmp", "FDO", False).name == "rmp-FDO-2.json"
         (tmp_path / "runs" / "rmp-FDO-2.json.partial").touch()
-        assert default_out("rmp", ["FDO"], True).name == "rmp-FDO-2.json"
+        assert default_out("rmp", "FDO", True).name == "rmp-FDO-2.json"
         (tmp_path / "runs" / "rmp-FDO-2.json.gz").touch()
-        assert default_out("rmp", ["FDO"], False).name == "rmp-FDO-3.json"
+        assert default_out("rmp", "FDO", False).name == "rmp-FDO-3.json"
         (tmp_path / "runs" / "rmp-FDO-3.json.gz.partial").touch()
-        assert default_out("rmp", ["FDO"], True).name == "rmp-FDO-3.json.gz"
+        assert default_out("rmp", "FDO", True).name == "rmp-FDO-3.json.gz"
     finally:
         os.chdir(here)
 
@@ -201,11 +203,18 @@ def test_problems_show_and_export(tmp_path):
     assert shown.returncode == 0 and "FDO 17" in shown.stdout
     exported = drpbench("problems", "export", "--task", "GB", "--out", "gb.jsonl", cwd=tmp_path)
     assert exported.returncode == 0
-    lines = [json.loads(line) for line in (tmp_path / "gb.jsonl").read_text().splitlines()]
+    header, *lines = map(json.loads, (tmp_path / "gb.jsonl").read_text().splitlines())
+    assert header["name"] == "drpbench-v1-GB" and header["tasks"] == ["GB"]
     assert [line["id"] for line in lines] == list(range(200))
     assert {"id", "task", "family", "start", "goal", "obstacles", "witness"} <= set(lines[0])
     again = drpbench("problems", "export", "--task", "GB", "--out", "gb.jsonl", cwd=tmp_path)
     assert again.returncode == 2
+    theirs = ("--problems-from", "gb.jsonl")
+    same = drpbench("problems", "show", "GB", "17", *theirs, cwd=tmp_path)
+    assert same.stdout == drpbench("problems", "show", "GB", "17", cwd=tmp_path).stdout != ""
+    refused = drpbench("run", "--task", "FDO", *theirs, cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "no task 'FDO' in drpbench-v1-GB; its tasks are GB, all" in refused.stderr
 
 
 def test_list_shows_tasks_and_policies(tmp_path):

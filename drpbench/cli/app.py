@@ -15,7 +15,18 @@ from drpbench.cli import results as cli_results
 from drpbench.cli import view as cli_view
 from drpbench.errors import DrpbenchError, InputError
 
-from .options import TASK_NAMES, PolicyArguments, PolicyName, Seed, TimeLimit, check_limits
+from .options import (
+    PolicyArguments,
+    PolicyName,
+    ProblemsFrom,
+    Seed,
+    TimeLimit,
+    check_limits,
+    given_set,
+    one_task,
+    parse_tasks,
+    set_of_results,
+)
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -24,7 +35,7 @@ app = typer.Typer(
     help="Does a manipulator policy survive a moving world?",
 )
 problems_app = typer.Typer(
-    no_args_is_help=True, help="Look at the frozen problems, or export them."
+    no_args_is_help=True, help="Look at the problems of a set, or export them."
 )
 app.add_typer(problems_app, name="problems")
 
@@ -42,19 +53,6 @@ def main() -> None:
     except DrpbenchError as error:
         print(f"drpbench: {error}", file=sys.stderr)
         sys.exit(2)
-
-
-def parse_tasks(text: str) -> list[str]:
-    """`FDO`, `FDO,DGB` or `all`, in the order named."""
-    names = (
-        list(TASK_NAMES) if text.lower() == "all" else [t.strip().upper() for t in text.split(",")]
-    )
-    for name in names:
-        if name not in TASK_NAMES:
-            raise InputError(f"no task {name!r}; there are: {', '.join(TASK_NAMES)}, all")
-    if len(set(names)) < len(names):
-        raise InputError(f"--task names a task twice: {text}")
-    return names
 
 
 def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
@@ -92,18 +90,18 @@ def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
     return ids
 
 
-def default_out(policy: str, tasks: list[str], resume: bool) -> Path:
+def default_out(policy: str, tasks: str, resume: bool) -> Path:
     """`runs/rmp-FDO.json`, or the first of `runs/rmp-FDO-2.json`, ... that no earlier run has.
 
-    To resume, the latest that is unfinished, be it to end plain or compressed.
+    `tasks` are what the file is named after besides. To resume, the latest that is unfinished, be it to end
+    plain or compressed.
     """
     from drpbench.results.names import forms, log_file
 
-    tag = "all" if len(tasks) == len(TASK_NAMES) else "-".join(tasks)
     policy = policy.replace("/", "_").replace(":", "-")  # a policy may name a file or a module
-    names = [Path("runs") / f"{policy}-{tag}.json"]
+    names = [Path("runs") / f"{policy}-{tasks}.json"]
     while any(form.exists() for form in forms(names[-1])):
-        names.append(Path("runs") / f"{policy}-{tag}-{len(names) + 1}.json")
+        names.append(Path("runs") / f"{policy}-{tasks}-{len(names) + 1}.json")
     if resume:
         unfinished = [form for name in names for form in forms(name) if log_file(form).exists()]
         return (unfinished or names)[-1]
@@ -119,6 +117,7 @@ def run(
     problems: Annotated[
         str | None, typer.Option(help="How many of each task, or which: 20, 3,17 or 0-9.")
     ] = None,
+    problems_from: ProblemsFrom = None,
     seed: Seed = 0,
     out: Annotated[
         Path | None,
@@ -141,17 +140,20 @@ def run(
     ] = None,
 ) -> None:
     """Evaluate a policy: every problem exactly once, resumable, one JSON with a row for each."""
-    names = parse_tasks(task)
     if batch_size is not None and batch_size < 1:
         raise InputError(f"--batch-size {batch_size}: must be at least 1")
     check_limits(time_limit, seed)
     recorded = cli_recording.parse_count(record)
-    from drpbench.problems import counts
+    from drpbench.problems import load_set
     from drpbench.results.names import is_result
 
-    sizes = counts()
+    problem_set = given_set(problems_from) or load_set()
+    names, sizes = parse_tasks(task, problem_set), problem_set.counts
     wanted = {name: parse_problems(problems, name, sizes[name]) for name in names}
-    out = out or default_out(policy, names, resume)
+    tag = "all" if len(names) == len(sizes) else "-".join(names)
+    if problems_from is not None:
+        tag = f"{problem_set.name.replace('/', '_')}-{tag}"
+    out = out or default_out(policy, tag, resume)
     if not is_result(out):
         raise InputError(f"--out {out}: the result file must end in .json or .json.gz")
 
@@ -168,18 +170,21 @@ def run(
     from drpbench.rollout import LANES
 
     default = LANES if jax.default_backend() == "cpu" else 2048
-    recorder = record and cli_recording.recorder(out, recorded, wanted, sizes)
+    recorder = None
+    if record:
+        recorder = cli_recording.recorder(out, recorded, wanted, problem_set)
     request = Request(
         policy=policy,
         policy_arguments=policy_arg or (),
         time_limit=time_limit,
         problems=wanted,
         out=out,
+        problem_set=problem_set,
         seed=seed,
         batch_size=batch_size or default,
         resume=resume,
         save_trajectories=save_trajectories,
-        watch=recorder and recorder.watch,
+        watch=recorder.watch if recorder else None,
     )
     console = Console()
     with recorder or nullcontext(), Bars(console, policy) as progress:
@@ -199,16 +204,17 @@ def leaderboard(
         Path | None, typer.Argument(help="Folder of result files [default: the shipped results]")
     ] = None,
     markdown: Annotated[bool, typer.Option("--markdown", help="Print Markdown.")] = False,
+    problems_from: ProblemsFrom = None,
 ) -> None:
     """Compare results: every figure recomputed from the rows, with 95 % intervals."""
     from rich.console import Console
 
     from drpbench.leaderboard import build, load_dir
     from drpbench.leaderboard.tables import render_markdown, render_terminal
-    from drpbench.problems import counts
     from drpbench.results.shipped import shipped_results
 
-    board = build(load_dir(folder if folder is not None else shipped_results()), counts())
+    results = load_dir(folder if folder is not None else shipped_results())
+    board = build(results, set_of_results(results, problems_from).counts)
     if markdown:
         print(render_markdown(board))
     else:
@@ -224,11 +230,11 @@ def list_() -> None:
     from drpbench.envs import TASKS
     from drpbench.plugins.imported import installed
     from drpbench.plugins.registry import POLICIES, WRAPPERS
-    from drpbench.problems import counts
+    from drpbench.problems import load_set
 
     from .terminal import listing
 
-    sizes = counts()
+    sizes = load_set().counts
     tasks = [(name, f"{task.title}, {sizes[name]} problems") for name, task in TASKS.items()]
     policies = [(name, about) for name, (_, about) in POLICIES.items()]
     policies += [(name, f"installed: {entry.value}") for name, entry in installed().items()]
@@ -254,48 +260,40 @@ def new_policy(
     )
 
 
-def _problem(task: str, id: int):
-    from drpbench.problems import load
-
-    name = parse_tasks(task)[0]
-    problems = load(name)
-    if not 0 <= id < len(problems.level):
-        raise InputError(f"no problem {id} in {name}; ids go from 0 to {len(problems.level) - 1}")
-    return problems
-
-
 @problems_app.command("show")
 def show(
     task: Annotated[str, typer.Argument(help="The task: FDO")],
     id: Annotated[int, typer.Argument(help="The problem's number: 17")],
+    problems_from: ProblemsFrom = None,
 ) -> None:
     """Print one problem."""
     from rich.console import Console
 
+    from drpbench.problems import load_set, to_json
+
     from .terminal import problem_card
 
-    Console().print(problem_card(_problem(task, id).to_json(id)))
+    problem_set = given_set(problems_from) or load_set()
+    problems = problem_set.task(one_task(task, problem_set))
+    Console().print(problem_card(to_json(problems, id)))
 
 
 @problems_app.command("export")
 def export(
     task: Annotated[str, typer.Option(help="One task, several or all.")],
     out: Annotated[Path, typer.Option(help="The file to write, JSON lines.")],
+    problems_from: ProblemsFrom = None,
 ) -> None:
-    """Write problems for other tools: one JSON object a line. Refuses to overwrite."""
-    import json
+    """Write problems as JSON lines, which --problems-from reads. Refuses to overwrite."""
+    from drpbench.problems import export_lines, load_set
 
-    from drpbench.problems import load
-
-    names = parse_tasks(task)
+    problem_set = given_set(problems_from) or load_set()
+    names = parse_tasks(task, problem_set)
     if out.exists():
         raise InputError(f"{out}: exists; nothing overwritten. Name another file with --out")
     try:
         with open(out, "x", encoding="utf-8") as file:
-            for name in names:
-                problems = load(name)
-                for id in range(len(problems.level)):
-                    file.write(json.dumps(problems.to_json(id)) + "\n")
+            file.writelines(f"{line}\n" for line in export_lines(problem_set, names))
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror})") from None
     typer.echo(f"wrote {out}")
@@ -322,13 +320,13 @@ def doctor() -> None:
 @app.command()
 def referee(
     result: Annotated[Path, typer.Argument(help="Result file of a run with --save-trajectories")],
+    problems_from: ProblemsFrom = None,
 ) -> None:
     """Judge recorded episodes again, in C MuJoCo with the real meshes: do both verdicts agree?"""
     from rich.console import Console
     from rich.progress import track
 
     from drpbench.evaluation.referee import agreement, judgements
-    from drpbench.problems import load as load_problems
     from drpbench.results import load
     from drpbench.results.names import trajectories_file
     from drpbench.results.trajectories import load_trajectories
@@ -343,9 +341,9 @@ def referee(
         trajectories = load_trajectories(recorded)
     except ValueError as error:
         raise InputError(str(error)) from None
-    problems = {task: load_problems(task) for task in run.header.tasks}
     console = Console()
-    judging = judgements(run, trajectories, problems)
+    problem_set = set_of_results({str(result): run}, problems_from)
+    judging = judgements(run, trajectories, problem_set)
     figures = agreement(
         list(track(judging, "judging", len(run.rows), console=console, transient=True))
     )

@@ -1,12 +1,16 @@
 """Options that several commands have, and what is refused of them."""
 
-from typing import Annotated
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from drpbench.errors import InputError
 
-TASK_NAMES = ("SE", "SAO", "FDO", "GB", "DGB")
+if TYPE_CHECKING:
+    from drpbench.problems import ProblemSet
+    from drpbench.results import Result
 
 PolicyName = Annotated[
     str,
@@ -19,6 +23,12 @@ PolicyArguments = Annotated[
 TimeLimit = Annotated[
     float, typer.Option(help="Seconds a policy outside jit may take for a step of its batch.")
 ]
+ProblemsFrom = Annotated[
+    Path | None,
+    typer.Option(
+        help="The problem set, a file of JSON lines (docs/problems.md) [default: drpbench-v1]"
+    ),
+]
 Seed = Annotated[int, typer.Option(help="Of everything random. Compare equal seeds only.")]
 
 
@@ -28,3 +38,40 @@ def check_limits(time_limit: float, seed: int) -> None:
         raise InputError(f"--time-limit {time_limit:g}: seconds above 0 are meant")
     if not -(2**31) <= seed < 2**31:
         raise InputError(f"--seed {seed}: must fit 32 bits")
+
+
+def given_set(path: Path | None) -> "ProblemSet | None":
+    """The set in the file that `--problems-from` names, if it names one."""
+    from drpbench.problems import load_set
+
+    return None if path is None else load_set(path)
+
+
+def set_of_results(results: "Mapping[str, Result]", path: Path | None) -> "ProblemSet":
+    """The set that the first of the results was made on: in the file named, or in the package."""
+    from drpbench.leaderboard.submission import set_of
+
+    name, result = next(iter(results.items()))
+    return set_of(name, result.header, given_set(path))
+
+
+def one_task(text: str, problem_set: "ProblemSet") -> str:
+    """The name of a task of the set, however it is written."""
+    return parse_tasks(text, problem_set, several=False)[0]
+
+
+def parse_tasks(text: str, problem_set: "ProblemSet", several: bool = True) -> list[str]:
+    """`FDO`, `FDO,DGB` or `all`, in the order named."""
+    there = {name.upper(): name for name in problem_set.tasks}
+    if several and text.lower() == "all":
+        return list(there.values())
+    wanted = [part.strip().upper() for part in (text.split(",") if several else [text])]
+    if unknown := [name for name in wanted if name not in there]:
+        choices = [*there.values(), "all"] if several else list(there.values())
+        raise InputError(
+            f"there is no task {unknown[0]!r} in {problem_set.name}; "
+            f"its tasks are {', '.join(choices)}"
+        )
+    if len(set(wanted)) < len(wanted):
+        raise InputError(f"--task names a task twice: {text}")
+    return [there[name] for name in wanted]

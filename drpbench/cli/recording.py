@@ -11,7 +11,10 @@ import typer
 from drpbench.cli.extras import require
 from drpbench.errors import InputError
 
+from .options import ProblemsFrom, set_of_results
+
 if TYPE_CHECKING:
+    from drpbench.problems import ProblemSet
     from drpbench.recording import Recorder
 
 
@@ -38,7 +41,7 @@ def recorder(
     out: Path,
     count: int | None,
     wanted: Mapping[str, Sequence[int] | None],
-    sizes: Mapping[str, int],
+    problem_set: ProblemSet,
 ) -> Recorder:
     """What a run shows its batches to, to have MCAP files in a folder beside `out`: of the first `count`
     of the instances wanted of each task (None: all of a task that has so many in all)."""
@@ -46,9 +49,10 @@ def recorder(
     from drpbench.recording import Recorder
     from drpbench.results.names import recordings_folder
 
+    sizes = problem_set.counts
     ids = {task: range(sizes[task]) if ids is None else ids for task, ids in wanted.items()}
     only = {task: set(some[:count]) for task, some in ids.items()}
-    return Recorder(recordings_folder(out), only, out)
+    return Recorder(recordings_folder(out), only, out, problem_set)
 
 
 def _say_what_it_is(path: Path) -> None:
@@ -77,6 +81,7 @@ def replay(
     grid: Annotated[
         int | None, typer.Option(help="Instead: one video of so many episodes, spread evenly.")
     ] = None,
+    problems_from: ProblemsFrom = None,
 ) -> None:
     """Show an episode again: an MCAP file to open in Foxglove, or a video.
 
@@ -115,9 +120,14 @@ def replay(
         def wrote(path: Path) -> None:
             console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 
-        replayer = Replayer(run, result, ran)
+        problem_set = set_of_results({str(result): run}, problems_from)
+        replayer = Replayer(run, result, ran, problem_set)
         task = task and task.upper()
-        rows = [replayer.row(task, id)] if grid is None else replayer.spread(task, grid)
+        if grid is not None:
+            rows = replayer.spread(task, grid)
+        else:
+            assert id is not None, "either an id or a grid was asked for"
+            rows = [replayer.row(task, id)]
         if video or grid:
             from drpbench.recording.offscreen import choose_platform
             from drpbench.recording.video import film, film_grid, suffix
@@ -133,7 +143,7 @@ def replay(
             film_grid(path, episodes, advanced=drew)
             wrote(path)
             return
-        wrote(Recorder(folder).write(header, episodes[0]))
+        wrote(Recorder(folder, problem_set=problem_set).write(header, episodes[0]))
         if video:
             path = folder / f"{episodes[0].name}{suffix()}"
             film(path, episodes[0], advanced=drew)

@@ -8,7 +8,10 @@ import typer
 
 from drpbench.errors import InputError
 
+from .options import ProblemsFrom, set_of_results
+
 if TYPE_CHECKING:
+    from drpbench.problems import ProblemSet
     from drpbench.results import Result
 
 THUMBNAILS = 12
@@ -26,6 +29,7 @@ def report(
             f"again. [default: {THUMBNAILS}, of what has them]"
         ),
     ] = None,
+    problems_from: ProblemsFrom = None,
 ) -> None:
     """Write one HTML file on results: leaderboard, charts, failures. A report that is there is replaced."""
     if out.suffix.lower() not in (".html", ".htm"):
@@ -33,7 +37,6 @@ def report(
     if thumbnails is not None and thumbnails < 0:
         raise InputError(f"--thumbnails {thumbnails}: must not be negative; 0 is none")
     from drpbench.leaderboard import build, load_dir
-    from drpbench.problems import counts
     from drpbench.report.page import write_report
     from drpbench.results.shipped import shipped_results
 
@@ -41,15 +44,19 @@ def report(
         folder, here = shipped_results(), Path.cwd()
         folder = folder.relative_to(here) if folder.is_relative_to(here) else folder
     results = load_dir(folder)
-    expected = counts()
+    problem_set = set_of_results(results, problems_from)
+    expected = problem_set.counts
     build(results, expected)  # what cannot stand side by side is refused before anything is drawn
-    pictures = _pictures(results, folder, thumbnails)
+    pictures = _pictures(results, folder, thumbnails, problem_set)
     write_report(out, results, expected, folder, pictures)
     typer.echo(f"wrote {out}")
 
 
 def _pictures(
-    results: Mapping[str, "Result"], folder: Path, thumbnails: int | None
+    results: Mapping[str, "Result"],
+    folder: Path,
+    thumbnails: int | None,
+    problem_set: "ProblemSet",
 ) -> Mapping[tuple[str, str, int], str]:
     from drpbench.results.names import trajectories_file
 
@@ -71,7 +78,7 @@ def _pictures(
     again, count = thumbnails is not None, THUMBNAILS if thumbnails is None else thumbnails
     with console.status("drawing") as status:
         try:
-            return pictures(results, folder, count, again, remark, status.update)
+            return pictures(results, folder, count, again, remark, status.update, problem_set)
         except RecordingError as error:
             if again:
                 raise

@@ -1,11 +1,16 @@
 """The commands that look at a result file before others do. Everything heavy is imported inside."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from drpbench.errors import InputError
+
+from .options import ProblemsFrom, set_of_results
+
+if TYPE_CHECKING:
+    from drpbench.evaluation.verification import Verification
 
 
 def submit(
@@ -60,6 +65,7 @@ def verify(
     result: Annotated[Path, typer.Argument(help="Result file of a run.")],
     sample: Annotated[int, typer.Option(help="How many rows to run again.")] = 50,
     seed: Annotated[int, typer.Option(help="Of which rows.")] = 0,
+    problems_from: ProblemsFrom = None,
 ) -> None:
     """Run a random part of a result again, and compare row by row.
 
@@ -72,6 +78,7 @@ def verify(
     from drpbench.results import load
 
     was = load(result)
+    problem_set = set_of_results({str(result): was}, problems_from)
     from drpbench.compile import use_cache
 
     use_cache()
@@ -82,13 +89,13 @@ def verify(
 
     console = Console()
     with Bars(console, was.header.policy) as progress:
-        found = verification.verify(str(result), was, sample, seed, progress)
+        found = verification.verify(str(result), was, sample, seed, progress, problem_set)
     for line in _told(found):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     raise typer.Exit(0 if found.reproduced else 1)
 
 
-def _told(found) -> list[str]:
+def _told(found: "Verification") -> list[str]:
     """What verifying showed, line by line."""
     lines = [f"{found.equal} of {found.rows} rows are equal in every field, to the bit"]
     fields: dict[str, list] = {}

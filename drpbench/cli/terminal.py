@@ -1,7 +1,7 @@
 """What the command line shows: progress, lists, cards."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Self
 
 from rich.console import Console, RenderableType
 from rich.table import Table
@@ -22,11 +22,11 @@ class DataProgress:
         self._bars = bars(console)
         self._bar = self._bars.add_task("data", total=count, told="compiling")
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         self._bars.start()
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self._bars.stop()
 
     def advance(self, drawn: int, solved: int) -> None:
@@ -47,11 +47,11 @@ class TrainingProgress:
         self._bars = bars(console)
         self._bar = self._bars.add_task("train", total=steps, told="compiling")
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         self._bars.start()
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self._bars.stop()
 
     def line(self, line: Any, run: Any) -> None:

@@ -6,7 +6,16 @@ import typer
 
 from drpbench.errors import InputError
 
-from .options import TASK_NAMES, PolicyArguments, PolicyName, Seed, TimeLimit, check_limits
+from .options import (
+    PolicyArguments,
+    PolicyName,
+    ProblemsFrom,
+    Seed,
+    TimeLimit,
+    check_limits,
+    given_set,
+    one_task,
+)
 
 
 def view(
@@ -15,6 +24,7 @@ def view(
     policy_arg: PolicyArguments = None,
     time_limit: TimeLimit = 10.0,
     id: Annotated[int, typer.Option(help="The problem to begin with.")] = 0,
+    problems_from: ProblemsFrom = None,
     seed: Seed = 0,
     host: Annotated[str, typer.Option(help="Where to serve: 0.0.0.0 for other machines.")] = (
         "127.0.0.1"
@@ -22,9 +32,6 @@ def view(
     port: Annotated[int, typer.Option(help="The port; if it is taken, the next free one.")] = 8080,
 ) -> None:
     """Watch a policy in the browser, and put things in its way (extra `viewer`)."""
-    name = task.strip().upper()
-    if name not in TASK_NAMES:
-        raise InputError(f"no task {task!r}; there are: {', '.join(TASK_NAMES)}")
     if not 0 < port < 65536:
         raise InputError(f"--port {port}: a number from 1 to 65535 is meant")
     check_limits(time_limit, seed)
@@ -34,11 +41,14 @@ def view(
         raise InputError(
             "the viewer needs viser, which is not installed: pip install 'drpbench[viewer]'"
         ) from None
-    from drpbench.problems import counts
+    from drpbench.problems import load_set
 
-    if not 0 <= id < counts()[name]:
+    problem_set = given_set(problems_from) or load_set()
+    name = one_task(task, problem_set)
+    problems = problem_set.task(name)
+    if not 0 <= id < problems.count:
         raise InputError(
-            f"--id {id}: no such problem in {name}; ids go from 0 to {counts()[name] - 1}"
+            f"--id {id}: there is no such problem in {name}; ids go from 0 to {problems.count - 1}"
         )
 
     from drpbench.compile import use_cache
@@ -46,15 +56,14 @@ def view(
     use_cache()
     from rich.console import Console
 
-    from drpbench.envs import TASKS, World
+    from drpbench.evaluation.run import world_of
     from drpbench.plugins.registry import choose
-    from drpbench.problems import load
     from drpbench.viewer import Simulation
     from drpbench.viewer.page import Page
 
     console = Console()
     choice = choose(policy, policy_arg or (), time_limit)
-    simulation = Simulation(World(TASKS[name]), choice.policy, load(name), seed)
+    simulation = Simulation(world_of(problem_set, name), choice.policy, problems, seed)
     page = None
     try:
         with console.status(

@@ -18,7 +18,7 @@ from drpbench.compile import jit
 from drpbench.envs import contact
 from drpbench.geometry import SHAPES, Primitives
 from drpbench.policies.networks.set_abstraction import check_neighbourhoods
-from drpbench.problems import ProblemSetError, counts, load
+from drpbench.problems import ProblemSetError, load_set
 from drpbench.robot import PANDA, Robot
 
 from .run import device_name, versions
@@ -44,9 +44,7 @@ def examine(robot: Robot = PANDA) -> Report:
     """Everything `drpbench doctor` prints."""
     report = Report(facts={**versions(), "device": f"{device_name()} ({jax.default_backend()})"})
     try:
-        sizes = counts()
-        for task in sizes:
-            load(task)
+        sizes = load_set().counts
         detail = ", ".join(f"{task} {count}" for task, count in sizes.items())
         report.checks.append(("problems", True, f"checksum right; {detail}"))
     except ProblemSetError as error:

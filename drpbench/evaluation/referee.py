@@ -18,8 +18,9 @@ import numpy as np
 
 from drpbench.contract import EPISODE
 from drpbench.errors import DrpbenchError
+from drpbench.geometry import Obstacles
 from drpbench.leaderboard import wilson
-from drpbench.problems import ProblemSet
+from drpbench.problems import ProblemSet, ProblemSetError, TaskProblems, matching
 from drpbench.results import Result, Row
 from drpbench.robot import PANDA, Robot
 
@@ -151,30 +152,27 @@ def agreement(judgements: Sequence[Judgement]) -> Agreement:
 def judge(
     result: Result,
     trajectories: Mapping[str, Mapping[str, np.ndarray]],
-    problems: Mapping[str, ProblemSet],
+    problem_set: ProblemSet,
 ) -> list[Judgement]:
     """Judges every row of a run, in the order of the rows: `judgements` as a list."""
-    return list(judgements(result, trajectories, problems))
+    return list(judgements(result, trajectories, problem_set))
 
 
 def judgements(
     result: Result,
     trajectories: Mapping[str, Mapping[str, np.ndarray]],
-    problems: Mapping[str, ProblemSet],
+    problem_set: ProblemSet,
 ) -> Iterator[Judgement]:
     """Judges the rows of a run one by one.
 
-    `trajectories` is what `load_trajectories` returns for the run's NPZ, `problems` each task's set.
-    Raises RefereeError, before anything is replayed, where the meshes are not found, a recording is
+    `trajectories` is what `load_trajectories` returns for the run's NPZ, `problem_set` what the run was
+    made on. Raises RefereeError, before anything is replayed, where the meshes are not found, a recording is
     missing, or the problems are not those of the run.
     """
-    for task in result.header.tasks:
-        if problems[task].sha256 != result.header.problem_set_sha256:
-            raise RefereeError(
-                f"the run was made on {result.header.problem_set} with checksum "
-                f"{result.header.problem_set_sha256[:12]}..., the problems here are "
-                f"{problems[task].name} with {problems[task].sha256[:12]}...; run it again"
-            )
+    try:
+        matching(result.header.problem_set, result.header.problem_set_sha256, problem_set)
+    except ProblemSetError as error:
+        raise RefereeError(f"the run was {error}; run it again") from None
     absent = [row for row in result.rows if _name(row) not in trajectories]
     if absent:
         raise RefereeError(
@@ -183,7 +181,7 @@ def judgements(
         )
     checker = mesh_referee()
     for row in result.rows:
-        yield judge_episode(row, trajectories[_name(row)], problems[row.task], checker)
+        yield judge_episode(row, trajectories[_name(row)], problem_set.task(row.task), checker)
 
 
 def mesh_referee(robot: Robot = PANDA) -> Checker:
@@ -201,7 +199,7 @@ def mesh_referee(robot: Robot = PANDA) -> Checker:
 def judge_episode(
     row: Row,
     trajectory: Mapping[str, np.ndarray],
-    problems: ProblemSet,
+    problems: TaskProblems,
     checker: Checker,
     period: float = EPISODE.period,
 ) -> Judgement:
@@ -213,21 +211,14 @@ def judge_episode(
     joints, velocity, movers = _read(row, trajectory, problems.start.shape[1])
     # MuJoCo's integrators add the new velocity: q_end = q_middle + v_end h.
     middle = joints - velocity * period / 2
-    there = problems.mask[row.id]
-    scene = [
-        getattr(problems, field)[row.id][there]
-        for field in ("kind", "half_size", "position", "quaternion")
-    ]
+    scene = problems.obstacles[row.id].present()
     nearest, closest_step, closest_link = checker.margin, None, None
     first_step = link = None
     for step in range(len(joints)):
         if not np.isfinite(joints[step]).all():
             break
         if step == 0 or movers.changed[step]:
-            boxes = movers.at(step)
-            checker.set_obstacles(
-                *(np.concatenate(pair) for pair in zip(scene, boxes, strict=True))
-            )
+            checker.set_obstacles(scene.joined(movers.at(step)))
         for q in (middle[step], joints[step]):
             found = _closest(checker, q)
             if found is None or found[1] >= nearest:
@@ -257,11 +248,12 @@ class _Movers:
     active: np.ndarray
     changed: np.ndarray  # (T,) bool: anything but as in the step before
 
-    def at(self, step: int) -> list[np.ndarray]:
-        """Kind, half size, position and quaternion of the boxes that exist in a control step."""
+    def at(self, step: int) -> Obstacles:
+        """The boxes that exist in a control step."""
         on = self.active[step]
-        fields = [self.half_size[step][on], self.position[step][on], self.quaternion[step][on]]
-        return [np.zeros(int(on.sum()), int), *fields]
+        return Obstacles.boxes(
+            self.half_size[step][on], self.position[step][on], self.quaternion[step][on]
+        )
 
 
 def _read(

@@ -4,9 +4,11 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from drpbench.leaderboard.submission import set_of
 from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.host import TIME_LIMIT
 from drpbench.plugins.registry import choose
+from drpbench.problems import ProblemSet
 from drpbench.results import Header, Result, ResultsError
 from drpbench.results.schema import Scalar
 
@@ -24,21 +26,26 @@ def rerun(
     progress: RunProgress,
     watch: Watch | None = None,
     batch_size: int | None = None,
+    problem_set: ProblemSet | None = None,
 ) -> Result:
     """Runs problems (ids by task) again as a result's header says; nothing is left on the disk.
 
     Args:
         name: what a message should call the result, usually its file.
+        problem_set: the one that the result was made on, where it does not come with the package.
         batch_size: another than the header's.
 
     Raises:
-        ResultsError: the policy cannot be had with the parameters that the header states.
+        ResultsError: the policy cannot be had with the parameters that the header states, or the problems
+            are not those that it was made on.
         PolicyError, WeightsError: it cannot be had at all, or is lost on the way.
     """
+    chosen = set_of(name, header, problem_set)
     with tempfile.TemporaryDirectory(prefix="drpbench-") as folder:
         request = Request(
             policy=header.policy,
             problems=problems,
+            problem_set=chosen,
             out=Path(folder) / "again.json",
             policy_arguments=arguments_of(name, header),
             seed=header.seed,

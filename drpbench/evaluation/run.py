@@ -5,7 +5,7 @@ import importlib.metadata
 import platform
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import jax
@@ -13,13 +13,14 @@ import jax
 from drpbench import __version__
 from drpbench.contract import Policy
 from drpbench.envs import TASKS, World
+from drpbench.perception import SurfaceCloud
 from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.host import TIME_LIMIT, Hosted
-from drpbench.plugins.registry import choose
-from drpbench.problems import ProblemSet, load
+from drpbench.plugins.registry import Choice, choose
+from drpbench.problems import ProblemSet, ProblemSetError, load_set
 from drpbench.results import Header, Journal, Result
 from drpbench.results.trajectories import Trajectories
-from drpbench.rollout import LANES, Rollout, Trace, take
+from drpbench.rollout import LANES, Rollout, Trace
 from drpbench.rollout.rehearsal import passes
 
 from .metrics import rows as rows_of
@@ -34,13 +35,16 @@ Watch = Callable[[Header, str, Sequence[int], Trace], None]
 
 @dataclass(frozen=True)
 class Request:
-    """What to run. `problems` maps each task, in order, to ids, or None for all of them;
+    """What to run. `problems` maps each task, in order, to ids of `problem_set`, or None for all of them;
     `policy_arguments` are the policy's own parameters, each as "name=value"."""
 
     policy: str
     problems: Mapping[str, Sequence[int] | None]
     out: Path
+    problem_set: ProblemSet = field(default_factory=load_set)
     policy_arguments: Sequence[str] = ()
+    choice: Choice | None = None
+    """The policy itself, where it is at hand: `policy` is then only what it is called."""
     time_limit: float = TIME_LIMIT  # [s] a control step, for policies outside jit
     seed: int = 0
     batch_size: int = LANES
@@ -68,22 +72,40 @@ def versions() -> dict[str, str]:
     return {"drpbench": __version__, "python": platform.python_version(), **found}
 
 
+def world_of(problem_set: ProblemSet, task: str) -> World:
+    """The world of one task of a set: its arm, and a sensor that knows whether there is ground.
+
+    Raises ProblemSetError where the set has no such task, or drpbench knows none of that name.
+    """
+    problem_set.task(task)
+    if task not in TASKS:
+        raise ProblemSetError(
+            f"{problem_set.name} has problems of a task {task}, which drpbench does not know; "
+            f"its tasks are {', '.join(TASKS)}"
+        )
+    return World(TASKS[task], problem_set.robot, sensor=SurfaceCloud(ground=problem_set.ground))
+
+
 def run(request: Request, progress: RunProgress) -> Result:
     """Runs what is asked for, or what is left of it, and writes the result file.
 
     Raises PolicyError, WeightsError, ResultsError or ProblemSetError, before anything is simulated.
     """
-    choice = choose(request.policy, request.policy_arguments, request.time_limit)
+    chosen = request.problem_set
+    worlds = {task: world_of(chosen, task) for task in request.problems}
+    choice = request.choice or choose(
+        request.policy, request.policy_arguments, request.time_limit, chosen.robot
+    )
     policy = choice.policy
-    sets = {task: load(task) for task in request.problems}
-    first = next(iter(sets.values()))
+    for task, ids in request.problems.items():
+        chosen.task(task).require(ids or ())
     header = Header(
         policy=request.policy,
         policy_parameters={**choice.parameters},
         privileged=policy.privileged,
         tasks=list(request.problems),
-        problem_set=first.name,
-        problem_set_sha256=first.sha256,
+        problem_set=chosen.name,
+        problem_set_sha256=chosen.sha256,
         seed=request.seed,
         precision="float32",
         device=device_name(),
@@ -101,10 +123,10 @@ def run(request: Request, progress: RunProgress) -> Result:
         if not journal.finished:
             trajectories = Trajectories(request.out) if request.save_trajectories else None
             for task, ids in request.problems.items():
-                wanted = range(len(sets[task].level)) if ids is None else ids
+                wanted = range(chosen.task(task).count) if ids is None else ids
                 try:
                     _run_task(
-                        request, policy, task, sets[task], wanted, journal, trajectories, progress
+                        request, policy, worlds[task], wanted, journal, trajectories, progress
                     )
                 except PolicyError as error:  # it is gone for good: the rest is no verdict on it
                     raise PolicyError(f"{error}{KEPT}") from None
@@ -116,14 +138,14 @@ def run(request: Request, progress: RunProgress) -> Result:
 def _run_task(
     request: Request,
     policy: Policy | Hosted,
-    task: str,
-    problems: ProblemSet,
+    world: World,
     wanted: Sequence[int],
     journal: Journal,
     trajectories: Trajectories | None,
     progress: RunProgress,
 ) -> None:
-    world = World(TASKS[task])
+    task = world.task.name
+    problems = request.problem_set.task(task)
     left = [id for id in wanted if (task, id) not in journal.done]
     batches = list(_batches(left, request.batch_size))
     per_batch = world.episode.steps * passes(world.task)
@@ -132,7 +154,7 @@ def _run_task(
     rollout = Rollout(world, policy, request.seed, lanes)
     for ids in batches:
         began = time.perf_counter()
-        trace = rollout.run(take(problems, ids), progress.advance)
+        trace = rollout.run(problems.take(ids), progress.advance)
         finished = rows_of(ids, [problems.family[id] for id in ids], trace)
         if trajectories:
             trajectories.add(task, ids, trace)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drpbench.leaderboard.submission import check
+from drpbench.problems import ProblemSet
 from drpbench.results import Header, Result, ResultsError, Row
 from drpbench.results.schema import Scalar
 
@@ -79,24 +80,32 @@ def sample(result: Result, count: int, seed: int = 0) -> dict[str, list[int]]:
     return ids
 
 
-def verify(name: str, result: Result, count: int, seed: int, progress: RunProgress) -> Verification:
+def verify(
+    name: str,
+    result: Result,
+    count: int,
+    seed: int,
+    progress: RunProgress,
+    problem_set: ProblemSet | None = None,
+) -> Verification:
     """Runs `count` random rows again, with the same policy, parameters, seed and batch size, and compares.
 
     Args:
         name: what a message should call the result, usually its file.
         count: how many rows, at least 1.
         seed: of which rows.
+        problem_set: the one that the result was made on, where it does not come with the package.
 
     Raises:
         ResultsError: the result is wrong (see `submission.check`), holds no row, or its policy cannot be
             had with the parameters it states.
         PolicyError, WeightsError: its policy cannot be had.
     """
-    check(name, result)
+    check(name, result, problem_set)
     if not result.rows:
         raise ResultsError(f"{name}: holds no row to run again")
     header = result.header
-    again = rerun(name, header, sample(result, count, seed), progress)
+    again = rerun(name, header, sample(result, count, seed), progress, problem_set=problem_set)
     rows = {row.key: row for row in result.rows}
     found = [d for row in again.rows for d in _differences(rows[row.key], row)]
     return Verification(len(again.rows), tuple(found), _elsewhere(header, again.header))

@@ -29,6 +29,11 @@ class Group:
     count: int
     distance: float
 
+    @property
+    def stays(self) -> bool:
+        """Whether the goal is the start: there is no way to go."""
+        return self.distance == 0.0
+
 
 COMPOSITION: dict[str, tuple[Group, ...]] = {
     "SE": tuple(

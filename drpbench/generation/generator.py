@@ -7,6 +7,7 @@ stream of its own, and effort is counted in collision checks, never in seconds.
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +17,8 @@ from drpbench.geometry import host_rotation as rotation
 from drpbench.planning.checker import Checker
 from drpbench.planning.mink_ik import InverseKinematics
 from drpbench.planning.rrt_connect import Planner
-from drpbench.problems import TASKS
 
-from .composition import Group, group_of
+from .composition import COMPOSITION, Group, group_of
 from .families import FAMILIES
 from .scene import Scene
 
@@ -75,7 +75,7 @@ class Generator:
         `stream` keeps what is drawn for training apart from what is drawn for the benchmark.
         """
         group = group_of(task, index)
-        numbers = [VERSION_SEED, zlib.crc32(stream.encode()), TASKS.index(task), index]
+        numbers = [VERSION_SEED, zlib.crc32(stream.encode()), list(COMPOSITION).index(task), index]
         attempt = 0
         while True:
             try:
@@ -87,38 +87,55 @@ class Generator:
                 self.rejections[stage] = self.rejections.get(stage, 0) + 1
                 attempt += 1
 
-    def _attempt(self, task, index, group: Group, rng, attempt: int) -> Draft:
+    def _attempt(
+        self, task: str, index: int, group: Group, rng: np.random.Generator, attempt: int
+    ) -> Draft:
         scene = FAMILIES[group.family](rng)
-        start, goal, witness = self.solve(rng, scene, group, stays=task == "DGB")
+        start, goal, witness = self.solve(rng, scene, group)
         if self._meshes is not None:
-            self._meshes.set_scene(scene)
-        fault = certificate.certify(witness, start, goal, self._spheres, self._meshes).fault
+            self._meshes.set_obstacles(scene.obstacles)
+        fault = certificate.certify(
+            witness, start, goal, self._spheres, self._meshes, self._robot
+        ).fault
         if fault is not None:
             raise Rejected("no certificate")
         position, matrix = self._spheres.grip_pose(goal)
-        stored = [np.asarray(x, np.float32) for x in (start, goal, position)]
-        quaternion = rotation.from_matrix(matrix).astype(np.float32)
         return Draft(
-            task, index, group, scene, *stored, quaternion, witness.astype(np.float32), attempt + 1
+            task=task,
+            index=index,
+            group=group,
+            scene=scene,
+            start=start.astype(np.float32),
+            goal=goal.astype(np.float32),
+            goal_position=position.astype(np.float32),
+            goal_quaternion=rotation.from_matrix(matrix).astype(np.float32),
+            witness=witness.astype(np.float32),
+            attempts=attempt + 1,
         )
 
     def solve(
-        self, rng: np.random.Generator, scene: Scene, group: Group, stays: bool = False
+        self, rng: np.random.Generator, scene: Scene, group: Group
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Start (J,), goal (J,) and witness (m, J) of the group's kind in a scene, by the spheres.
 
-        Where the arm `stays`, its goal is its start. Raises Rejected.
+        Where the group `stays`, its goal is its start. Raises Rejected.
         """
-        self._spheres.set_scene(scene)
+        self._spheres.set_obstacles(scene.obstacles)
         if self._spheres.base_clearance() < 0.02:
             raise Rejected("furniture in the arm's base")
         start = self._configuration(rng, scene, group.pair[0])
-        if stays:
+        if group.stays:
             return start, start, start[None]
         goal = self._other_end(rng, scene, group, start)
         return start, goal, self._witness(rng, group, start, goal)
 
-    def _configuration(self, rng, scene: Scene, kind: str, accept=lambda q: True) -> np.ndarray:
+    def _configuration(
+        self,
+        rng: np.random.Generator,
+        scene: Scene,
+        kind: str,
+        accept: Callable[[np.ndarray], bool] = lambda q: True,
+    ) -> np.ndarray:
         """Configuration (J,) with the hand in a random free (f) or tight (t) region of the scene.
 
         Of float32 precision, as it will be stored.
@@ -135,16 +152,21 @@ class Generator:
                 return q
         raise Rejected(f"no {'tight' if kind == 't' else 'free'} pose")
 
-    def _other_end(self, rng, scene: Scene, group: Group, start: np.ndarray) -> np.ndarray:
+    def _other_end(
+        self, rng: np.random.Generator, scene: Scene, group: Group, start: np.ndarray
+    ) -> np.ndarray:
         """A goal (J,) whose grip position is at least the group's distance from the start's."""
         origin, _ = self._spheres.grip_pose(start)
 
         def far_enough(q: np.ndarray) -> bool:
-            return np.linalg.norm(self._spheres.grip_pose(q)[0] - origin) >= group.distance
+            away = np.linalg.norm(self._spheres.grip_pose(q)[0] - origin)
+            return bool(away >= group.distance)
 
         return self._configuration(rng, scene, group.pair[1], far_enough)
 
-    def _witness(self, rng, group: Group, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    def _witness(
+        self, rng: np.random.Generator, group: Group, start: np.ndarray, goal: np.ndarray
+    ) -> np.ndarray:
         """Waypoints (m, J), float32 in value, from start to goal."""
         line_is_free = Planner(self._spheres, 0.0).straight(start, goal)
         if group.family != "table" and line_is_free and rng.uniform() > KEEP_STRAIGHT:

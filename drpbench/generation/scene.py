@@ -10,8 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE, quaternion_to_matrix
+from drpbench.geometry import (
+    BOX,
+    CYLINDER,
+    MAX_OBSTACLES,
+    SPHERE,
+    Obstacles,
+    quaternion_to_matrix,
+)
 from drpbench.geometry import host_rotation as rotation
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
@@ -29,35 +37,37 @@ class Primitive:
     quaternion: np.ndarray = field(default_factory=lambda: UPRIGHT)
 
 
-def box(size, position, quaternion=UPRIGHT) -> Primitive:
+def box(size: ArrayLike, position: ArrayLike, quaternion: np.ndarray = UPRIGHT) -> Primitive:
     """Box of full extents `size` (3,) [m] about `position`."""
     return Primitive(BOX, np.asarray(size, float) / 2, np.asarray(position, float), quaternion)
 
 
-def span(low, high) -> Primitive:
+def span(low: ArrayLike, high: ArrayLike) -> Primitive:
     """Box from the corner `low` (3,) to the corner `high` (3,) [m]."""
-    low, high = np.asarray(low, float), np.asarray(high, float)
-    return box(high - low, (low + high) / 2)
+    first, last = np.asarray(low, float), np.asarray(high, float)
+    return box(last - first, (first + last) / 2)
 
 
-def cylinder(radius: float, height: float, position, quaternion=UPRIGHT) -> Primitive:
+def cylinder(
+    radius: float, height: float, position: ArrayLike, quaternion: np.ndarray = UPRIGHT
+) -> Primitive:
     """Cylinder about `position`, its axis along z of its own frame."""
     half_size = np.array([radius, radius, height / 2])
     return Primitive(CYLINDER, half_size, np.asarray(position, float), quaternion)
 
 
-def bar(radius: float, start, end) -> Primitive:
+def bar(radius: float, start: ArrayLike, end: ArrayLike) -> Primitive:
     """Cylinder whose axis runs from the point `start` (3,) to the point `end` (3,)."""
-    start, end = np.asarray(start, float), np.asarray(end, float)
-    direction = end - start
-    length = np.linalg.norm(direction)
+    first, last = np.asarray(start, float), np.asarray(end, float)
+    direction = last - first
+    length = float(np.linalg.norm(direction))
     turn = np.cross((0, 0, 1), direction / length)
     sine, cosine = np.linalg.norm(turn), direction[2] / length
     quaternion = rotation.axis_angle(turn, np.arctan2(sine, cosine)) if sine > 1e-9 else UPRIGHT
-    return cylinder(radius, length, (start + end) / 2, quaternion)
+    return cylinder(radius, length, (first + last) / 2, quaternion)
 
 
-def sphere(radius: float, position) -> Primitive:
+def sphere(radius: float, position: ArrayLike) -> Primitive:
     """Sphere about `position`."""
     return Primitive(SPHERE, np.full(3, float(radius)), np.asarray(position, float))
 
@@ -102,13 +112,21 @@ class HandRegion:
         return position, rotation.from_matrix(np.column_stack([np.cross(y, z), y, z]))
 
 
-def region(place, low, high, approach, wide, tilt, roll) -> HandRegion:
+def region(
+    place: str,
+    low: ArrayLike,
+    high: ArrayLike,
+    approach: ArrayLike,
+    wide: ArrayLike,
+    tilt: float,
+    roll: float,
+) -> HandRegion:
     """`HandRegion` over the box from `low` (3,) to `high` (3,)."""
-    low, high = np.asarray(low, float), np.asarray(high, float)
-    half_extent = np.maximum((high - low) / 2, 0.0)
+    first, last = np.asarray(low, float), np.asarray(high, float)
+    half_extent = np.maximum((last - first) / 2, 0.0)
     return HandRegion(
         place,
-        (low + high) / 2,
+        (first + last) / 2,
         half_extent,
         np.asarray(approach, float),
         np.asarray(wide, float),
@@ -128,20 +146,20 @@ class Furniture:
     tight: tuple[HandRegion, ...]
     size: np.ndarray
 
-    def placed(self, position, yaw: float) -> Furniture:
+    def placed(self, position: ArrayLike, yaw: float) -> Furniture:
         """The same furniture with its frame at `position` (3,), turned by `yaw` [rad] about z."""
-        position, turn = np.asarray(position, float), rotation.axis_angle((0, 0, 1), yaw)
+        origin, turn = np.asarray(position, float), rotation.axis_angle((0, 0, 1), yaw)
         matrix = quaternion_to_matrix(turn)
         parts = tuple(
             Primitive(
                 p.kind,
                 p.half_size,
-                position + matrix @ p.position,
+                origin + matrix @ p.position,
                 rotation.multiply(turn, p.quaternion),
             )
             for p in self.parts
         )
-        tight = tuple(moved(r, position, turn) for r in self.tight)
+        tight = tuple(moved(r, origin, turn) for r in self.tight)
         return Furniture(parts, tight, self.size)
 
 
@@ -161,24 +179,16 @@ def moved(hand: HandRegion, position: np.ndarray, turn: np.ndarray) -> HandRegio
 
 @dataclass(frozen=True)
 class Scene:
-    """Obstacles as arrays (n obstacles, the table first) in the world frame, and the hand regions.
+    """The obstacles, the table first, and the hand regions.
 
-    kind (n,) int32; half_size (n, 3), position (n, 3), quaternion (n, 4) float32: the numbers that
-    are stored, so that whatever is verified is verified on these.
+    The obstacles' float32 numbers are those that are stored, so that whatever is verified is verified
+    on these.
     """
 
     family: str
-    kind: np.ndarray
-    half_size: np.ndarray
-    position: np.ndarray
-    quaternion: np.ndarray
+    obstacles: Obstacles
     tight: tuple[HandRegion, ...]
     free: tuple[HandRegion, ...]
-
-    @property
-    def count(self) -> int:
-        """Number of obstacles, the table included."""
-        return len(self.kind)
 
 
 TABLE = span((-0.5, -1.0, -0.05), (1.3, 1.0, 0.0))
@@ -192,10 +202,12 @@ def compose(family: str, furniture: tuple[Furniture, ...], free: tuple[HandRegio
         raise ValueError(f"{family}: {len(parts)} obstacles, at most {MAX_OBSTACLES} are allowed")
     return Scene(
         family,
-        np.array([p.kind for p in parts], np.int32),
-        np.array([p.half_size for p in parts], np.float32),
-        np.array([p.position for p in parts], np.float32),
-        np.array([p.quaternion for p in parts], np.float32),
+        Obstacles.of(
+            np.array([p.kind for p in parts], np.int32),
+            np.array([p.half_size for p in parts], np.float32),
+            np.array([p.position for p in parts], np.float32),
+            np.array([p.quaternion for p in parts], np.float32),
+        ),
         tuple(r for piece in furniture for r in piece.tight),
         free,
     )

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drpbench.geometry import BOX, MAX_OBSTACLES
+from drpbench.geometry import MAX_OBSTACLES, Obstacles
 from drpbench.planning import polyline
 from drpbench.planning.checker import sphere_checker
 from drpbench.robot import PANDA, Robot
@@ -43,11 +43,7 @@ class Drawn:
 
     index: int
     family: int  # of FAMILY_NAMES
-    kind: np.ndarray  # (K,) int32
-    half_size: np.ndarray  # (K, 3) float32
-    position: np.ndarray  # (K, 3) float32
-    quaternion: np.ndarray  # (K, 4) float32
-    mask: np.ndarray  # (K,) bool
+    obstacles: Obstacles
     start: np.ndarray  # (J,) float32
     goal: np.ndarray  # (J,) float32
     hint: np.ndarray  # (64, J) float32
@@ -80,19 +76,28 @@ class Drawer:
         pair = "ff" if name == "table" else PAIRS[rng.integers(len(PAIRS))]
         scene = FAMILIES[name](rng)
         if rng.uniform() < FLOATING_SHARE:
-            scene = _with_boxes(scene, *_floating(rng, int(rng.integers(1, 4))))
+            scene = _with_boxes(scene, _floating(rng, int(rng.integers(1, 4))))
         group = Group(name, pair, level=0, count=0, distance=_LEAST_WAY[pair])
         start, goal, witness = self._generator.solve(rng, scene, group)
         obstructed = False
         if rng.uniform() < OBSTRUCTED_SHARE:
             blocked = self._blocked(rng, scene, start, goal)
             scene, obstructed = (scene, False) if blocked is None else (blocked, True)
-        hint = evenly(witness, HINT_WAYPOINTS, self._spheres.robot)
-        return _padded(index, family, scene, start, goal, hint, obstructed)
+        return Drawn(
+            index=index,
+            family=family,
+            obstacles=scene.obstacles.padded(MAX_OBSTACLES),
+            start=start.astype(np.float32),
+            goal=goal.astype(np.float32),
+            hint=evenly(witness, HINT_WAYPOINTS, self._spheres.robot).astype(np.float32),
+            obstructed=obstructed,
+        )
 
-    def _blocked(self, rng, scene: Scene, start: np.ndarray, goal: np.ndarray) -> Scene | None:
+    def _blocked(
+        self, rng: np.random.Generator, scene: Scene, start: np.ndarray, goal: np.ndarray
+    ) -> Scene | None:
         """The scene with a box on the goal that leaves the start free; None if none was found."""
-        if scene.count == MAX_OBSTACLES:
+        if scene.obstacles.count == MAX_OBSTACLES:
             return None
         place, _ = self._spheres.grip_pose(goal)
         # A tight start stays as tight as it was.
@@ -100,8 +105,8 @@ class Drawer:
         for _ in range(_TRIES):
             half = rng.uniform(0.05, 0.2, (1, 3))
             centre = (place + rng.normal(0.0, 0.05, 3))[None]
-            blocked = _with_boxes(scene, half, centre, _orientations(rng, 1))
-            self._spheres.set_scene(blocked)
+            blocked = _with_boxes(scene, Obstacles.boxes(half, centre, _orientations(rng, 1)))
+            self._spheres.set_obstacles(blocked.obstacles)
             if self._spheres.clearance(goal) < 0.0 and self._spheres.free(start, clearance):
                 return blocked
         return None
@@ -113,50 +118,26 @@ def _orientations(rng: np.random.Generator, count: int) -> np.ndarray:
     return q / np.linalg.norm(q, axis=1, keepdims=True)
 
 
-def _floating(rng: np.random.Generator, count: int):
-    """Half sizes, positions and quaternions of boxes in the arm's reach."""
+def _floating(rng: np.random.Generator, count: int) -> Obstacles:
+    """Boxes in the arm's reach."""
     half = np.repeat(rng.uniform(0.05, 0.15, (count, 1)), 3, axis=1) * rng.uniform(
         0.6, 1, (count, 3)
     )
-    return half, rng.uniform(*_REACH, (count, 3)), _orientations(rng, count)
+    return Obstacles.boxes(
+        half, rng.uniform(_REACH[0], _REACH[1], (count, 3)), _orientations(rng, count)
+    )
 
 
-def _with_boxes(scene: Scene, half_size, position, quaternion) -> Scene:
-    """The scene and as many of the boxes as there is room for."""
-    room = MAX_OBSTACLES - scene.count
+def _with_boxes(scene: Scene, boxes: Obstacles) -> Scene:
+    """The scene and as many of the boxes as there is room for, in the precision that is stored."""
+    fitting = boxes[: MAX_OBSTACLES - scene.obstacles.count]
     half_size, position, quaternion = (
-        values[:room].astype(np.float32) for values in (half_size, position, quaternion)
+        np.asarray(values, np.float32)
+        for values in (fitting.half_size, fitting.position, fitting.quaternion)
     )
     return replace(
         scene,
-        kind=np.concatenate([scene.kind, np.full(len(half_size), BOX, np.int32)]),
-        half_size=np.concatenate([scene.half_size, half_size]),
-        position=np.concatenate([scene.position, position]),
-        quaternion=np.concatenate([scene.quaternion, quaternion]),
-    )
-
-
-def _padded(index, family, scene: Scene, start, goal, hint, obstructed) -> Drawn:
-    n = scene.count
-
-    def pad(values, filler):
-        out = np.empty((MAX_OBSTACLES, *values.shape[1:]), values.dtype)
-        out[:n], out[n:] = values, filler
-        return out
-
-    return Drawn(
-        index=index,
-        family=family,
-        kind=pad(scene.kind, BOX),
-        # A filler is a proper box, so that geometry on padded arrays stays finite.
-        half_size=pad(scene.half_size, 0.01),
-        position=pad(scene.position, 0.0),
-        quaternion=pad(scene.quaternion, (1.0, 0.0, 0.0, 0.0)),
-        mask=np.arange(MAX_OBSTACLES) < n,
-        start=start.astype(np.float32),
-        goal=goal.astype(np.float32),
-        hint=hint.astype(np.float32),
-        obstructed=obstructed,
+        obstacles=scene.obstacles.joined(Obstacles.boxes(half_size, position, quaternion)),
     )
 
 

@@ -1,10 +1,12 @@
-"""Distance fields; primitive solids, their distances and surfaces; rotations."""
+"""Solids and scenes of them, distance fields, surfaces, rotations."""
 
 from .distance import FAR as FAR
 from .distance import nearest as nearest
 from .distance import normal as normal
 from .distance import signed_distance as signed_distance
 from .field import Field as Field
+from .obstacles import Obstacles as Obstacles
+from .obstacles import stacked as stacked
 from .primitives import BOX as BOX
 from .primitives import CYLINDER as CYLINDER
 from .primitives import MAX_OBSTACLES as MAX_OBSTACLES

@@ -33,6 +33,7 @@ def _rows(primitives: Primitives) -> tuple[Float[Array, " K"], ...]:
     rotation. An axis that never binds is FAR thick, and what is masked is FAR away.
     """
     primitives = jax.tree.map(jnp.asarray, primitives)
+    position, rotation = jnp.asarray(primitives.position), jnp.asarray(primitives.rotation)
     is_round, is_sphere = primitives.kind != BOX, primitives.kind == SPHERE
     half = tuple(primitives.half_size[..., i] for i in range(3))
     return (
@@ -41,8 +42,8 @@ def _rows(primitives: Primitives) -> tuple[Float[Array, " K"], ...]:
         jnp.where(is_sphere, FAR, half[2]),
         is_round.astype(half[0].dtype),
         is_sphere.astype(half[0].dtype),
-        *(primitives.position[..., i] for i in range(3)),
-        *(primitives.rotation[..., i, j] for i in range(3) for j in range(3)),
+        *(position[..., i] for i in range(3)),
+        *(rotation[..., i, j] for i in range(3) for j in range(3)),
     )
 
 

@@ -12,9 +12,9 @@ import numpy as np
 
 def axis_angle(axis: Sequence[float | int] | np.ndarray, angle: float) -> np.ndarray:
     """Quaternion (4,) of a turn by `angle` [rad] about `axis` (3,), which need not be of unit length."""
-    axis = np.asarray(axis, float)
-    axis = axis / np.linalg.norm(axis)
-    return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * axis])
+    direction = np.asarray(axis, float)
+    direction = direction / np.linalg.norm(direction)
+    return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * direction])
 
 
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:

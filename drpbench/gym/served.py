@@ -1,19 +1,14 @@
 """Which problems an environment serves: the frozen ones by number, or training problems by number."""
 
 from collections.abc import Sequence
-from dataclasses import fields
-from typing import Protocol
+from typing import Any, Protocol
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from drpbench.contract import Problem
 from drpbench.envs import World
-from drpbench.geometry import Primitives, matrix_to_quaternion, quaternion_to_matrix
-from drpbench.problems import load
-from drpbench.robot import Robot
-from drpbench.rollout import take
+from drpbench.geometry import stacked
+from drpbench.problems import ProblemSet, goal_poses, load_set
 from drpbench.rollout.keys import WORLD
 
 
@@ -37,21 +32,16 @@ class Problems(Protocol):
 
 
 class Frozen:
-    """The benchmark's problems, in a random order that comes to each of them before it begins again."""
+    """The problems of a set, in a random order that comes to each of them before it begins again."""
 
     stream = WORLD  # as in `drpbench run`: the same boxes, the same points
 
-    def __init__(self, world: World):
-        self._problems = load(world.task.name)
+    def __init__(self, world: World, problem_set: ProblemSet):
+        self._problems = problem_set.task(world.task.name)
         self._left: list[int] = []
 
     def require(self, ids: Sequence[int]) -> None:
-        count = self._problems.count
-        for id in ids:
-            if not 0 <= id < count:
-                raise ValueError(
-                    f"no problem {id} in {self._problems.task}; ids go from 0 to {count - 1}"
-                )
+        self._problems.require(ids)
 
     def draw(self, rng: np.random.Generator, count: int) -> list[int]:
         while len(self._left) < count:
@@ -63,7 +53,7 @@ class Frozen:
         self._left = []
 
     def take(self, ids: Sequence[int]) -> Problem:
-        return take(self._problems, ids)
+        return self._problems.take(ids)
 
 
 _MOST = 2**31  # training problems there are numbers for
@@ -99,45 +89,38 @@ class Training:
         from drpbench.generation.training_problems import FAMILY_NAMES
 
         drawn = [self._unobstructed(id) for id in ids]
-        stacked = {
-            field.name: np.stack([getattr(one, field.name) for one in drawn])
-            for field in fields(drawn[0])
-        }
-        goal = stacked["goal"]
-        position, quaternion = (
-            np.asarray(values) for values in _goal_pose(self._world.robot, goal)
-        )
+        goal = np.stack([one.goal for one in drawn])
+        position, quaternion = goal_poses(self._world.robot, goal)
         task = self._world.task
         furnished = np.array([FAMILY_NAMES[one.family] != "table" for one in drawn])
         level = task.training_level(np.asarray(ids), furnished)
-        rotation = quaternion_to_matrix(jnp.asarray(stacked["quaternion"]))
         return Problem(
             id=np.asarray(ids, np.int32),
             level=level.astype(np.int32),
-            start=goal if task.starts_at_goal else stacked["start"],
+            start=goal if task.starts_at_goal else np.stack([one.start for one in drawn]),
             goal=goal,
             goal_position=position,
             goal_quaternion=quaternion,
-            obstacles=Primitives(
-                kind=stacked["kind"],
-                half_size=stacked["half_size"],
-                position=stacked["position"],
-                rotation=np.asarray(rotation),
-                mask=stacked["mask"],
-            ),
+            obstacles=stacked([one.obstacles for one in drawn]).primitives(),
         )
 
-    def _unobstructed(self, id: int):
+    def _unobstructed(self, id: int) -> Any:  # Drawn, which is heavy to import
         while (drawn := self._drawer.draw(id)).obstructed:
             id = (id + 1) % _MOST
         return drawn
 
 
-def _goal_pose(robot: Robot, goal: np.ndarray) -> tuple[jax.Array, jax.Array]:
-    """Position [m] and quaternion wxyz of `grip` for goals (n, J)."""
-    pose = jax.vmap(lambda q: robot.grip_pose(robot.link_poses(q)))
-    position, rotation = pose(jnp.asarray(goal))
-    return position, matrix_to_quaternion(rotation)
+SOURCES = ("frozen", "training")
+"""Problems that have a name: the benchmark's, and those to learn from."""
 
 
-SOURCES: dict[str, type[Frozen] | type[Training]] = {"frozen": Frozen, "training": Training}
+def source(problems: str | ProblemSet, world: World) -> Problems:
+    """Problems of a world's task by one of the SOURCES, or those of a set.
+
+    Raises ValueError for another name.
+    """
+    if isinstance(problems, ProblemSet):
+        return Frozen(world, problems)
+    if problems not in SOURCES:
+        raise ValueError(f"problems={problems!r}: there are: {', '.join(SOURCES)}")
+    return Training(world) if problems == "training" else Frozen(world, load_set())

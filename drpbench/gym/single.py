@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Num
 
 from drpbench.contract import EPISODE, Episode
+from drpbench.problems import ProblemSet
 
 from .vector import VectorEnv
 
@@ -22,7 +23,7 @@ class SingleEnv(gymnasium.Env):
         self,
         *,
         task: str,
-        problems: str = "frozen",
+        problems: str | ProblemSet = "frozen",
         run_seed: int = 0,
         episode: Episode = EPISODE,
     ):

@@ -9,10 +9,12 @@ from gymnasium.vector.utils import batch_space
 from jaxtyping import Array, Num
 
 from drpbench.contract import EPISODE, Episode
-from drpbench.envs import TASKS, World
+from drpbench.envs import TASKS
+from drpbench.evaluation.run import world_of
+from drpbench.problems import ProblemSet, load_set
 
 from .lanes import Lanes, Outcome
-from .served import SOURCES
+from .served import source
 from .spaces import action_space, as_dict, observation_space
 
 _OPTIONS = ("id", "reset_mask")
@@ -31,7 +33,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     Args:
         num_envs: how many problems at once.
         task: SE, SAO, FDO, GB or DGB.
-        problems: "frozen" for the benchmark's, "training" for others drawn to learn from.
+        problems: "frozen" for the benchmark's, "training" for others drawn to learn from, or a ProblemSet.
         run_seed: the seed of `drpbench run`: of point clouds and of how boxes move.
         episode: how long an episode is; another one than the benchmark's is for trying things out.
 
@@ -50,7 +52,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         num_envs: int = 1,
         *,
         task: str,
-        problems: str = "frozen",
+        problems: str | ProblemSet = "frozen",
         run_seed: int = 0,
         episode: Episode = EPISODE,
     ):
@@ -58,18 +60,17 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             raise ValueError(f"num_envs={num_envs}: must be at least 1")
         if task not in TASKS:
             raise ValueError(f"no task {task!r}; there are: {', '.join(TASKS)}")
-        if problems not in SOURCES:
-            raise ValueError(f"problems={problems!r}: there are: {', '.join(SOURCES)}")
         if not -(2**31) <= run_seed < 2**31:
             raise ValueError(f"run_seed={run_seed}: must fit 32 bits")
-        world = World(TASKS[task], episode=episode)
+        problem_set = problems if isinstance(problems, ProblemSet) else load_set()
+        world = replace(world_of(problem_set, task), episode=episode)
         self.num_envs = num_envs
         self.metadata = {**self.metadata, "render_fps": round(1.0 / episode.period)}
         self.single_observation_space = observation_space(world.spec)
         self.single_action_space = action_space(world.robot)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._problems = SOURCES[problems](world)
+        self._problems = source(problems, world)
         self._lanes = Lanes(world, num_envs, run_seed, self._problems.stream)
         self._ids: list[int] = []
 

@@ -16,9 +16,10 @@ from drpbench.contract import (
     REACH_POSITION,
     REACH_POSITION_LOOSE,
 )
-from drpbench.problems import PROBLEM_SET, counts, load
+from drpbench.envs import TASKS
+from drpbench.problems import ProblemSet, ProblemSetError, load_set, matching
 from drpbench.results import Header, Result, ResultsError, Row
-from drpbench.robot import PANDA
+from drpbench.robot import Robot
 
 from .board import Cell, Entry, Leaderboard, build
 from .tables import ALL
@@ -52,27 +53,29 @@ class Submission:
     """What a reader of the leaderboard should know, a line each."""
 
 
-def check(name: str, result: Result) -> None:
+def set_of(name: str, header: Header, given: ProblemSet | None = None) -> ProblemSet:
+    """The problem set that a result was made on: `given`, or the one of its name in the package.
+
+    Raises ResultsError, naming the result as `name`, where that is not it.
+    """
+    try:
+        return matching(header.problem_set, header.problem_set_sha256, given)
+    except ProblemSetError as error:
+        raise ResultsError(f"{name}: {error}") from None
+
+
+def check(name: str, result: Result, problem_set: ProblemSet | None = None) -> None:
     """Raises ResultsError, naming file, row and field, where a result contradicts its problems or itself.
 
-    For the schema alone, `drpbench.results.schema.load`.
+    `problem_set` is the one that it was made on, where that does not come with the package. For the
+    schema alone, `drpbench.results.schema.load`.
     """
     header = result.header
-    if header.problem_set != PROBLEM_SET:
-        raise ResultsError(
-            f"{name}: was made on {header.problem_set}; this drpbench has {PROBLEM_SET}"
-        )
-    sizes = counts()
+    problems = set_of(name, header, problem_set)
+    sizes = problems.counts
     if unknown := [task for task in header.tasks if task not in sizes]:
         raise ResultsError(
             f"{name}: there is no task {unknown[0]}; the tasks are {', '.join(sizes)}"
-        )
-    problems = {task: load(task) for task in header.tasks}
-    checksum = problems[header.tasks[0]].sha256
-    if header.problem_set_sha256 != checksum:
-        raise ResultsError(
-            f"{name}: was made on other problems than {PROBLEM_SET}'s: checksum"
-            f" {header.problem_set_sha256[:12]}..., not {checksum[:12]}..."
         )
     for task, ids in header.problems.items():
         if outside := [id for id in ids or () if id >= sizes[task]]:
@@ -80,31 +83,37 @@ def check(name: str, result: Result) -> None:
                 f"{name}: no problem {outside[0]} in {task}; ids go from 0 to {sizes[task] - 1}"
             )
     for row in result.rows:
+        fault: str | None
         if row.id >= sizes[row.task]:
             fault = f"there is no such problem; ids go from 0 to {sizes[row.task] - 1}"
-        elif row.family != problems[row.task].family[row.id]:
-            fault = f"its family is {problems[row.task].family[row.id]}, not {row.family}"
+        elif row.family != (family := problems.task(row.task).family[row.id]):
+            fault = f"its family is {family}, not {row.family}"
         else:
-            fault = _contradiction(row)
+            fault = _contradiction(row, problems.robot)
         if fault:
             raise ResultsError(f"{name}: {row.task} {row.id}: {fault}")
 
 
-def _contradiction(row: Row) -> str | None:
+def _contradiction(row: Row, robot: Robot) -> str | None:
     """What in a row cannot have been measured; the schema has caught what is cruder."""
     last = CONTROL_STEPS * CONTROL_PERIOD
     if row.first_collision_step is not None and row.first_collision_step >= CONTROL_STEPS:
         return (
             f"first_collision_step is {row.first_collision_step} of {CONTROL_STEPS} control steps"
         )
-    if row.first_collision_link not in (None, *PANDA.link_names[1:]):
-        return f"first_collision_link is {row.first_collision_link!r}; links that count: {PANDA.link_names[1]} to {PANDA.link_names[-1]}"
+    moving = robot.link_names[1:]
+    if row.first_collision_link not in (None, *moving):
+        return (
+            f"first_collision_link is {row.first_collision_link!r}; "
+            f"links that count: {moving[0]} to {moving[-1]}"
+        )
     if row.collided != (row.min_clearance is not None and row.min_clearance < 0.0):
         return "min_clearance must be below zero exactly where collided is true"
     if row.time_to_goal is not None and not 0.0 < row.time_to_goal <= last * (1 + _ROUNDED):
         return f"time_to_goal is {row.time_to_goal} s of {last:.1f} s"
-    if not row.valid and row.task != "GB":
-        return "valid may be false only in GB"
+    conditional = [name for name, task in TASKS.items() if task.conditional]
+    if not row.valid and row.task not in conditional:
+        return f"valid may be false only in {', '.join(conditional)}"
     if row.status == "ok":
         for name, limit in (("reached", REACH_POSITION), ("reached_5cm", REACH_POSITION_LOOSE)):
             if (within := _within(row, limit)) is not None and within != getattr(row, name):
@@ -117,29 +126,46 @@ def _contradiction(row: Row) -> str | None:
 
 def _within(row: Row, limit: float) -> bool | None:
     """Whether the final errors are below `limit` [m] and 15 degrees; None where rounding decides."""
+    if row.position_error is None or row.orientation_error is None:
+        return None
     shares = (row.position_error / limit, row.orientation_error / REACH_ORIENTATION)
     if any(abs(share - 1.0) <= _ROUNDED for share in shares):
         return None
     return max(shares) < 1.0
 
 
-def assess(results: Mapping[str, Result], others: Mapping[str, Result]) -> Submission:
+def assess(
+    results: Mapping[str, Result],
+    others: Mapping[str, Result],
+    problem_set: ProblemSet | None = None,
+) -> Submission:
     """Where the results of one policy, usually one file, would stand among the `others`.
 
     An entry of the same policy among the others steps aside.
 
+    Args:
+        problem_set: what the leaderboard is of; None for the one that comes with the package.
+
     Raises:
-        ResultsError: a result is wrong (see `check`), or they are of several policies.
+        ResultsError: a result is wrong (see `check`) or made on another problem set, or they are of several
+            policies.
         LeaderboardError: results do not go together.
     """
+    of = problem_set or load_set()
     for name, result in results.items():
-        check(name, result)
+        header = result.header
+        if (header.problem_set, header.problem_set_sha256) != (of.name, of.sha256):
+            raise ResultsError(
+                f"{name}: made on {header.problem_set} ({header.problem_set_sha256[:12]}...); "
+                f"the leaderboard is of {of.name} ({of.sha256[:12]}...)"
+            )
+        check(name, result, of)
     headers = [result.header for result in results.values()]
     policy = headers[0].policy
     if another := [header.policy for header in headers if header.policy != policy]:
         raise ResultsError(f"these are of two policies, {policy} and {another[0]}; submit one")
     rivals = {name: other for name, other in others.items() if other.header.policy != policy}
-    sizes = counts()
+    sizes = of.counts
     board = build({**rivals, **results}, sizes)
     entry = next(entry for entry in board.entries if entry.policy == policy)
     columns = [*sizes, ALL]
@@ -190,8 +216,8 @@ def _missing(
     if odd := sorted({header.seed for header in headers} - seeds) if seeds else []:
         wanted = ", ".join(map(str, sorted(seeds)))
         lines.append(f"seed {wanted}: this is seed {odd[0]}, so boxes and points are others")
-    if odd := [header.precision for header in headers if header.precision != "float32"]:
-        lines.append(f"precision float32: this is {odd[0]}")
+    if others := [header.precision for header in headers if header.precision != "float32"]:
+        lines.append(f"precision float32: this is {others[0]}")
     return lines
 
 

@@ -70,7 +70,7 @@ def draw(key: PRNGKeyArray, demonstrations: Demonstrations, count: int, scene_po
     chosen = jax.tree.map(lambda leaf: leaf[which], demonstrations)
     keys = jax.random.split(sample_key, count)
     return jax.vmap(lambda one, obstacles, key: _sample(one, obstacles, key, scene_points))(
-        chosen, chosen.obstacles(), keys
+        chosen, chosen.obstacles.primitives(), keys
     )
 
 

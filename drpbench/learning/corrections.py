@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from drpbench.compile import jit
 from drpbench.contract import ROBOT_POINTS, Observation, Policy
 from drpbench.envs.movers import clearance_of_box
-from drpbench.geometry import BOX, Primitives, matrix_to_quaternion, quaternion_to_matrix
+from drpbench.geometry import BOX, Obstacles, Primitives, matrix_to_quaternion, quaternion_to_matrix
 from drpbench.planning.clearance_cost import gaps
 from drpbench.planning.expert import CHEAP, planner
 from drpbench.policies.networks.impact import SCENE_POINTS
@@ -145,16 +145,17 @@ def _interrupted(
     found = jax.vmap(attempt)(jax.random.split(key, _TRIES))
     first = jnp.argmax(found[-1])
     time, half_size, position, quaternion, fits = jax.tree.map(lambda leaf: leaf[first], found)
-    slot = jnp.argmin(demonstration.mask)
-    scene = replace(
-        demonstration,
-        kind=demonstration.kind.at[slot].set(BOX),
-        half_size=demonstration.half_size.at[slot].set(half_size),
-        position=demonstration.position.at[slot].set(position),
-        quaternion=demonstration.quaternion.at[slot].set(quaternion),
-        mask=demonstration.mask.at[slot].set(True),
+    there = demonstration.obstacles
+    slot = jnp.argmin(there.mask)
+    more = Obstacles(
+        kind=there.kind.at[slot].set(BOX),
+        half_size=there.half_size.at[slot].set(half_size),
+        position=there.position.at[slot].set(position),
+        quaternion=there.quaternion.at[slot].set(quaternion),
+        mask=there.mask.at[slot].set(True),
     )
-    return scene, walked[time], (last >= 0) & fits & ~demonstration.mask[slot]
+    scene = replace(demonstration, obstacles=more)
+    return scene, walked[time], (last >= 0) & fits & ~there.mask[slot]
 
 
 def _hint(path: Float[Array, "m 7"], q: Float[Array, "7"]) -> Float[Array, "m 7"]:
@@ -174,10 +175,10 @@ def _strays():
         """Scene, where the arm has strayed to, whether it has, and a hint: without and with a box more."""
         goal, path = demonstration.goal, demonstration.path
         walk_key, stray_key, box_key, again_key, last_key = jax.random.split(key, 5)
-        way = _walk(policy, path[0], goal, demonstration.obstacles(), walk_key)
+        way = _walk(policy, path[0], goal, demonstration.obstacles.primitives(), walk_key)
         q, usable = _stray(*way, goal, stray_key)
         scene, start, placed = _interrupted(demonstration, *way, box_key)
-        way = _walk(policy, start, goal, scene.obstacles(), again_key)
+        way = _walk(policy, start, goal, scene.obstacles.primitives(), again_key)
         boxed, strayed = _stray(*way, goal, last_key)
         return (
             (demonstration, q, usable, _hint(path, q)),
@@ -197,7 +198,9 @@ def correct(policy: Policy, demonstrations: Demonstrations, seed: int) -> Demons
     keys = jax.vmap(lambda index: jax.random.fold_in(jax.random.key(seed), index))(filled.index)
     parts = []
     for scenes, starts, usable, hints in _strays()(policy, filled, keys):
-        plans = planner(CHEAP)(scenes.obstacles(), starts, scenes.goal, keys, hints[:, None])
+        plans = planner(CHEAP)(
+            scenes.obstacles.primitives(), starts, scenes.goal, keys, hints[:, None]
+        )
         good = np.flatnonzero(np.asarray(plans.success & usable)[:count])
         found = replace(scenes, path=plans.path, length=plans.length, reached=plans.reached)
         parts.append(jax.tree.map(lambda leaf, good=good: np.asarray(leaf)[good], found))

@@ -9,7 +9,7 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from drpbench.errors import DrpbenchError
-from drpbench.geometry import Primitives, quaternion_to_matrix
+from drpbench.geometry import Obstacles
 
 FORMAT = 1
 MANIFEST = "manifest.json"
@@ -40,11 +40,7 @@ class Demonstrations:
 
     index: Int[Array, "*batch"] | Int[np.ndarray, "*batch"]
     family: Int[Array, "*batch"] | Int[np.ndarray, "*batch"]
-    kind: Int[Array, "*batch K"] | Int[np.ndarray, "*batch K"]
-    half_size: Float[Array, "*batch K 3"] | Float[np.ndarray, "*batch K 3"]
-    position: Float[Array, "*batch K 3"] | Float[np.ndarray, "*batch K 3"]
-    quaternion: Float[Array, "*batch K 4"] | Float[np.ndarray, "*batch K 4"]
-    mask: Bool[Array, "*batch K"] | Bool[np.ndarray, "*batch K"]
+    obstacles: Obstacles
     goal: Float[Array, "*batch 7"] | Float[np.ndarray, "*batch 7"]
     path: Float[Array, "*batch T 7"] | Float[np.ndarray, "*batch T 7"]
     length: Float[Array, "*batch"] | Float[np.ndarray, "*batch"]
@@ -55,14 +51,18 @@ class Demonstrations:
         """N."""
         return self.index.shape[0]
 
-    def obstacles(self) -> Primitives:
-        """The obstacles of all N scenes."""
-        return Primitives(
-            kind=self.kind,
-            half_size=self.half_size,
-            position=self.position,
-            rotation=quaternion_to_matrix(jax.numpy.asarray(self.quaternion)),
-            mask=self.mask,
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All arrays by the names that a shard has them under, the obstacles' among them."""
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "obstacles"}
+        scenes = {f.name: getattr(self.obstacles, f.name) for f in fields(Obstacles)}
+        return {name: np.asarray(array) for name, array in (own | scenes).items()}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Demonstrations:
+        """The inverse of `arrays`."""
+        own = {f.name: arrays[f.name] for f in fields(cls) if f.name != "obstacles"}
+        return cls(
+            **own, obstacles=Obstacles(**{f.name: arrays[f.name] for f in fields(Obstacles)})
         )
 
 
@@ -120,8 +120,7 @@ class Shards:
         """Writes the range that begins at problem `first`; `solved` are those of it that were."""
         self.folder.mkdir(parents=True, exist_ok=True)
         buffer = io.BytesIO()
-        arrays = {f.name: np.asarray(getattr(solved, f.name)) for f in fields(solved)}
-        np.savez_compressed(buffer, **arrays)
+        np.savez_compressed(buffer, **solved.arrays())
         content = buffer.getvalue()
         name = f"{self._stream}-{first:09d}.npz"
         _replace(self.folder / name, content)
@@ -178,7 +177,7 @@ def read(folder: Path) -> Demonstrations:
             what = "damaged" if path.exists() else "missing"
             raise DataError(f"{path} is {what}: run drpbench data again, which makes it anew")
         with np.load(path, allow_pickle=False) as arrays:
-            parts.append(Demonstrations(**{f.name: arrays[f.name] for f in fields(Demonstrations)}))
+            parts.append(Demonstrations.from_arrays(arrays))
     if not parts:
         raise DataError(f"{folder} holds no shard yet")
     return join(parts)

@@ -9,11 +9,10 @@ from concurrent.futures import ProcessPoolExecutor
 from itertools import islice
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from drpbench.generation.training_problems import TRAINING_STREAM, Drawer, Drawn
-from drpbench.geometry import Primitives, quaternion_to_matrix
+from drpbench.geometry import stacked
 from drpbench.planning.expert import CHEAP, planner
 
 from .demonstrations import Demonstrations, Shards, join
@@ -82,23 +81,17 @@ def solve(drawn: Sequence[Drawn]) -> Demonstrations:
     def stack(name: str) -> np.ndarray:
         return np.stack([getattr(one, name) for one in filled])
 
-    obstacles = Primitives(
-        kind=stack("kind"),
-        half_size=stack("half_size"),
-        position=stack("position"),
-        rotation=np.asarray(quaternion_to_matrix(jnp.asarray(stack("quaternion")))),
-        mask=stack("mask"),
-    )
+    obstacles = stacked([one.obstacles for one in filled])
     keys = jax.vmap(jax.random.key)(stack("index"))
-    plans = planner(CHEAP)(obstacles, stack("start"), stack("goal"), keys, stack("hint")[:, None])
+    plans = planner(CHEAP)(
+        obstacles.primitives(), stack("start"), stack("goal"), keys, stack("hint")[:, None]
+    )
     solved = np.nonzero(np.asarray(plans.success)[: len(drawn)])[0]
     return Demonstrations(
         index=stack("index")[solved],
         family=stack("family")[solved],
-        **{
-            name: stack(name)[solved]
-            for name in ("kind", "half_size", "position", "quaternion", "mask", "goal")
-        },
+        obstacles=obstacles[solved],
+        goal=stack("goal")[solved],
         path=np.asarray(plans.path)[solved],
         length=np.asarray(plans.length)[solved],
         reached=np.asarray(plans.reached)[solved],

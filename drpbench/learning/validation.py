@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from drpbench.contract import Policy, Problem
 from drpbench.envs import TASKS, World
 from drpbench.generation.training_problems import VALIDATION_STREAM, Drawer, Drawn
-from drpbench.geometry import Primitives, matrix_to_quaternion, quaternion_to_matrix
-from drpbench.robot import PANDA
+from drpbench.geometry import stacked
+from drpbench.problems import goal_poses
+from drpbench.robot import PANDA, Robot
 from drpbench.rollout import LANES, Rollout
 
 
@@ -50,25 +49,16 @@ class Validation:
         )
 
 
-_pose = jax.jit(lambda q: PANDA.grip_pose(PANDA.link_poses(q)))
-
-
-def problems(drawn: Sequence[Drawn]) -> Problem:
+def problems(drawn: Sequence[Drawn], robot: Robot = PANDA) -> Problem:
     """Drawn problems as a batch for the world."""
-    poses = [_pose(one.goal) for one in drawn]
-    quaternions = jnp.stack([one.quaternion for one in drawn])
+    goal = np.stack([one.goal for one in drawn])
+    position, quaternion = goal_poses(robot, goal)
     return Problem(
         id=np.array([one.index for one in drawn], np.int32),
         level=np.zeros(len(drawn), np.int32),
         start=np.stack([one.start for one in drawn]),
-        goal=np.stack([one.goal for one in drawn]),
-        goal_position=np.stack([position for position, _ in poses]),
-        goal_quaternion=np.stack([matrix_to_quaternion(rotation) for _, rotation in poses]),
-        obstacles=Primitives(
-            kind=np.stack([one.kind for one in drawn]),
-            half_size=np.stack([one.half_size for one in drawn]),
-            position=np.stack([one.position for one in drawn]),
-            rotation=np.asarray(quaternion_to_matrix(quaternions)),
-            mask=np.stack([one.mask for one in drawn]),
-        ),
+        goal=goal,
+        goal_position=position,
+        goal_quaternion=quaternion,
+        obstacles=stacked([one.obstacles for one in drawn]).primitives(),
     )

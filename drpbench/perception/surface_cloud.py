@@ -27,13 +27,15 @@ class SurfaceCloud:
     """The sensor of the benchmark: `points` of all surfaces, seen from everywhere, without noise."""
 
     points: int = SCENE_POINTS
+    ground: bool = True
+    """Whether there is a table or floor at z = 0: no point below it is seen."""
 
     def reset(
         self, keys: tuple[PRNGKeyArray, PRNGKeyArray], problem: Problem, movers: int
     ) -> Cloud:
         """The points of an episode: the static scene's are drawn with the first key, tickets with the second."""
         on_static, on_each = shares(movers, self.points)
-        points, mask = sample_static(keys[0], problem.obstacles, on_static)
+        points, mask = sample_static(keys[0], problem.obstacles, on_static, self.ground)
         tickets = jax.random.uniform(keys[1], (movers, on_each, 3))
         return Cloud(points, mask, tickets)
 
@@ -41,7 +43,7 @@ class SurfaceCloud:
         self, state: Cloud, problem: Problem, movers: Movers, robot: Robot, poses: LinkPoses
     ) -> tuple[Float[Array, "N 3"], Bool[Array, " N"]]:
         """Points [m] with the moving boxes where they are, and where there is one."""
-        return scene_cloud(state, movers)
+        return scene_cloud(state, movers, self.ground)
 
 
 def shares(movers: int, points: int = SCENE_POINTS) -> tuple[int, int]:
@@ -54,11 +56,14 @@ def shares(movers: int, points: int = SCENE_POINTS) -> tuple[int, int]:
 
 
 def sample_static(
-    key: PRNGKeyArray, obstacles: Primitives, count: int
+    key: PRNGKeyArray, obstacles: Primitives, count: int, ground: bool = True
 ) -> tuple[Float[Array, "count 3"], Bool[Array, " count"]]:
-    """Points uniform over the static surfaces at z >= 0: twice as many are drawn, the first kept."""
+    """Points uniform over the static surfaces, with a `ground` over those at z >= 0.
+
+    Twice as many are drawn, the first kept.
+    """
     points, _ = sample_surface(key, obstacles, 2 * count)
-    above = points[:, 2] >= -1e-6
+    above = points[:, 2] >= -1e-6 if ground else jnp.ones(2 * count, bool)
     first = jnp.argsort(~above, stable=True)[:count]
     kept = above[first] & obstacles.mask.any()
     return jnp.where(kept[:, None], points[first], 0.0), kept
@@ -84,15 +89,19 @@ def on_box(tickets: Float[Array, "P 3"], half_size: Float[Array, "3"]) -> Float[
     return jnp.stack([a * x, b * y, c * z], axis=-1)
 
 
-def scene_cloud(cloud: Cloud, movers: Movers) -> tuple[Float[Array, "N 3"], Bool[Array, " N"]]:
-    """The scene points with the moving boxes where they are; points below z = 0 are left out."""
+def scene_cloud(
+    cloud: Cloud, movers: Movers, ground: bool = True
+) -> tuple[Float[Array, "N 3"], Bool[Array, " N"]]:
+    """The scene points with the moving boxes where they are; with a `ground`, points below z = 0 are left
+    out."""
     local = jax.vmap(on_box)(cloud.mover_tickets, movers.half_size)
     r = movers.rotation[:, None]
     x, y, z = local[..., 0], local[..., 1], local[..., 2]
     turned = [r[..., i, 0] * x + r[..., i, 1] * y + r[..., i, 2] * z for i in range(3)]
     moved = jnp.stack(turned, axis=-1) + movers.position[:, None]
     active = movers.active
-    seen = active[:, None] & (moved[..., 2] >= 0.0)
+    above = moved[..., 2] >= 0.0 if ground else jnp.ones(moved.shape[:-1], bool)
+    seen = active[:, None] & above
     moved = jnp.where(seen[..., None], moved, 0.0)
     return (
         jnp.concatenate([cloud.static_points, moved.reshape(-1, 3)]),

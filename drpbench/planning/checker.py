@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 
 from drpbench.errors import DrpbenchError
-from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE
+from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE, Obstacles
 from drpbench.robot import PANDA, Robot
 
 # Collision bits: links against obstacles, and links against links (by pairs). The base does not move
@@ -62,17 +61,21 @@ class Checker:
         for bits in (self.model.body_contype, self.model.body_conaffinity):
             bits[self._bodies] = 0
 
-    def set_scene(self, scene: Any) -> None:
-        """Puts the obstacles of `scene` into the model, in place of those that were there."""
-        self.set_obstacles(scene.kind, scene.half_size, scene.position, scene.quaternion)
+    def set_obstacles(self, obstacles: Obstacles) -> None:
+        """Puts the obstacles of one scene into the model, in place of those that were there.
 
-    def set_obstacles(
-        self, kind: np.ndarray, half_size: np.ndarray, position: np.ndarray, quaternion: np.ndarray
-    ) -> None:
-        """As `set_scene`, from arrays (n,), (n, 3), (n, 3), (n, 4); the first is the table."""
+        The first one is what the arm stands on. Masked ones are left out. Raises DrpbenchError for more
+        than MAX_OBSTACLES.
+        """
         self._clear()
-        model = self.model
-        for slot in range(len(kind)):
+        model, there = self.model, obstacles.present()
+        if there.count > MAX_OBSTACLES:
+            raise DrpbenchError(
+                f"a scene of {there.count} obstacles: MuJoCo's model of the arm has room for {MAX_OBSTACLES}"
+            )
+        kind, half_size = there.kind, there.half_size
+        position, quaternion = there.position, there.quaternion
+        for slot in range(there.count):
             geom, body, volume = self._geoms[slot], self._bodies[slot], self._volumes[slot]
             half = np.asarray(half_size[slot], float)
             model.geom_type[geom] = _GEOM_TYPE[int(kind[slot])]
@@ -89,7 +92,7 @@ class Checker:
             model.body_pos[body] = position[slot]
             model.body_quat[body] = quaternion[slot] / np.linalg.norm(quaternion[slot])
             model.geom_conaffinity[geom] = model.body_conaffinity[body] = _OBSTACLE
-        self.obstacle_count = len(kind)
+        self.obstacle_count = there.count
 
     def clearance(self, q: np.ndarray) -> float:
         """Smallest distance [m] of the arm at joints `q` (J,), at most `margin`.

@@ -13,8 +13,8 @@ from drpbench.compile import jit
 from drpbench.contract import EPISODE, Movers, Problem
 from drpbench.envs import State, World
 from drpbench.errors import DrpbenchError
-from drpbench.problems import ProblemSet
-from drpbench.rollout import Trace, take
+from drpbench.problems import TaskProblems
+from drpbench.rollout import Trace
 from drpbench.rollout.step import reset
 
 Instant = TypeVar("Instant", int, np.ndarray)
@@ -101,7 +101,7 @@ _reset = jit(reset, static_argnums=(0, 1))
 
 
 def episode(
-    world: World, id: int, problems: ProblemSet, seed: int, arrays: Mapping[str, np.ndarray]
+    world: World, id: int, problems: TaskProblems, seed: int, arrays: Mapping[str, np.ndarray]
 ) -> Recording:
     """The episode of one instance from what was recorded of it.
 
@@ -109,7 +109,7 @@ def episode(
     rest follows from the problem and the run's seed. Raises RecordingError where arrays are missing or
     not of one number of steps, or begin somewhere else than the problem does.
     """
-    problem = jax.tree.map(lambda leaf: leaf[0, ...], take(problems, [id]))
+    problem = jax.tree.map(lambda leaf: leaf[0, ...], problems.take([id]))
     state, joints_count = _reset(world, seed, problem), world.robot.joints
     name = f"the recording of {world.task.name} {id}"
     try:
@@ -141,7 +141,7 @@ def episode(
     )
 
 
-def traced(id: int, problems: ProblemSet, seed: int, trace: Trace, lane: int) -> Recording:
+def traced(id: int, problems: TaskProblems, seed: int, trace: Trace, lane: int) -> Recording:
     """The episode in one lane of a rollout."""
     arrays = {
         "joint_position": np.concatenate([trace.start[None, lane], trace.joint_position[:, lane]]),

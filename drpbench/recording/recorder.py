@@ -6,7 +6,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Self
 
-from drpbench.problems import load
+from drpbench.leaderboard.submission import set_of
+from drpbench.problems import ProblemSet, TaskProblems
 from drpbench.results import Header, Result
 from drpbench.results import load as load_result
 from drpbench.rollout import Trace
@@ -24,6 +25,7 @@ class Recorder:
     `only` says per task which instances `watch` takes; None takes all. As a context it watches a run, and
     all files are written when it is left. Where the run went on with one that had been broken off, rows of
     the file `result` may have none yet, or one of an older run: these episodes are replayed then.
+    `problem_set` is the one that the run is of, where that does not come with the package.
     """
 
     def __init__(
@@ -31,8 +33,10 @@ class Recorder:
         folder: Path,
         only: Mapping[str, Collection[int]] | None = None,
         result: Path | None = None,
+        problem_set: ProblemSet | None = None,
     ):
         self.folder, self.only, self.result = folder, only, result
+        self._given = problem_set
         self._thread = ThreadPoolExecutor(1)
         self._batch: Future | None = None
 
@@ -47,10 +51,11 @@ class Recorder:
 
     def write(self, header: Header, episode: Recording) -> Path:
         """Writes one episode of a run; returns the file's path. Raises RecordingError where that fails."""
+        problems = self._problems(header, episode.task)
         about = {
             "task": episode.task,
             "id": str(episode.id),
-            "family": load(episode.task).family[episode.id],
+            "family": problems.family[episode.id],
             "policy": header.policy,
             "seed": str(header.seed),
             "problem_set": header.problem_set,
@@ -75,10 +80,13 @@ class Recorder:
             batch.result()
 
     def _write_batch(self, header: Header, task: str, ids: list[int], trace: Trace) -> None:
-        problems = load(task)
+        problems = self._problems(header, task)
         for lane, id in enumerate(ids):
             if self._takes(task, id):
                 self.write(header, traced(id, problems, header.seed, trace, lane))
+
+    def _problems(self, header: Header, task: str) -> TaskProblems:
+        return set_of(str(self.folder), header, self._given).task(task)
 
     def _path(self, name: str) -> Path:
         return self.folder / f"{name}.mcap"
@@ -95,7 +103,7 @@ class Recorder:
                 if not is_whole(file) or file.stat().st_mtime < begun
             ]
             if missing:
-                for replay in Replayer(result, path).replay(missing):
+                for replay in Replayer(result, path, problem_set=self._given).replay(missing):
                     self.write(result.header, replay.episode)
         for half in self.folder.glob(TEMPORARY):
             half.unlink(missing_ok=True)

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from drpbench.envs import TASKS, World
 from drpbench.evaluation.rerun import rerun
-from drpbench.evaluation.run import device_name, versions
-from drpbench.leaderboard.submission import check
-from drpbench.problems import load as load_problems
+from drpbench.evaluation.run import device_name, versions, world_of
+from drpbench.leaderboard.submission import check, set_of
+from drpbench.problems import ProblemSet
 from drpbench.results import Header, Result, Row
 from drpbench.results.names import trajectories_file
 from drpbench.results.trajectories import load_trajectories
@@ -40,8 +39,9 @@ class Replayer:
 
     Beside it a file of trajectories is looked for, as `drpbench run --save-trajectories` writes it. What
     is not in there is run again with the same policy, parameters, seed and batch size. `advanced` is told of
-    control steps done. Raises ResultsError where the result is wrong (see `submission.check`), or was made on
-    other problems than those of this drpbench.
+    control steps done; `problem_set` is what the result was made on, where that does not come with the
+    package. Raises ResultsError where the result is wrong (see `submission.check`), or was made on other
+    problems.
     """
 
     def __init__(
@@ -49,11 +49,12 @@ class Replayer:
         result: Result,
         path: Path,
         advanced: Callable[[int], None] = lambda steps: None,
+        problem_set: ProblemSet | None = None,
     ):
         self.result, self.path, self.advanced = result, path, advanced
         self.recorded = trajectories_file(path)
-        check(str(path), result)
-        self.problems = {task: load_problems(task) for task in result.header.tasks}
+        check(str(path), result, problem_set)
+        self.problem_set = set_of(str(path), result.header, problem_set)
 
     @cached_property
     def _trajectories(self) -> Mapping[str, Mapping[str, np.ndarray]]:
@@ -100,8 +101,8 @@ class Replayer:
     def _as_recorded(self, row: Row) -> Replay:
         arrays = self._trajectories[_key(row)]
         try:
-            world = World(TASKS[row.task])
-            found = episode(world, row.id, self.problems[row.task], self.result.header.seed, arrays)
+            world, problems = world_of(self.problem_set, row.task), self.problem_set.task(row.task)
+            found = episode(world, row.id, problems, self.result.header.seed, arrays)
         except RecordingError as error:
             raise RecordingError(f"{self.recorded}: {error}") from None
         if difference := _difference(row, motion(found)):
@@ -118,7 +119,7 @@ class Replayer:
 
         def watch(now: Header, task: str, ids: Sequence[int], trace: Trace) -> None:
             for lane, id in enumerate(ids):
-                seen[id] = traced(id, self.problems[task], now.seed, trace, lane)
+                seen[id] = traced(id, self.problem_set.task(task), now.seed, trace, lane)
 
         again = rerun(
             str(self.path),
@@ -127,6 +128,7 @@ class Replayer:
             _Steps(self.advanced),
             watch,
             batch_size=None if same else LANES,
+            problem_set=self.problem_set,
         )
         now = {row.id: row for row in again.rows}
         return {row.id: Replay(row, seen[row.id], self._remark(row, now[row.id])) for row in rows}

@@ -11,6 +11,7 @@ from PIL import Image
 
 from drpbench.plugins.errors import PolicyError
 from drpbench.policies.weights import WeightsError
+from drpbench.problems import ProblemSet
 from drpbench.recording import RecordingError, Replayer, motion
 from drpbench.recording.offscreen import choose_platform
 from drpbench.recording.stage import Stage
@@ -43,6 +44,7 @@ def pictures(
     again: bool,
     remark: Callable[[str], None],
     advanced: Callable[[str], None] = lambda told: None,
+    problem_set: ProblemSet | None = None,
 ) -> dict[Instance, str]:
     """Pictures of up to `count` failures of each policy, at the first collision or else at the end.
 
@@ -52,6 +54,7 @@ def pictures(
         again: whether episodes without saved trajectories are run again; else they have no picture.
         remark: told in a line of what cannot be drawn.
         advanced: told what is being done.
+        problem_set: what the results were made on, where it does not come with the package.
 
     Returns:
         Images of SIZE as `data:` addresses, by file name, task and id.
@@ -71,7 +74,8 @@ def pictures(
         for (name, task), rows in wanted.items():
             advanced(f"drawing {name}, {task}")
             try:
-                found = Replayer(results[name], folder / name).replay(rows)
+                replayer = Replayer(results[name], folder / name, problem_set=problem_set)
+                found = replayer.replay(rows)
             except _REFUSED as error:
                 remark(f"no pictures of {name}, {task}: {error}")
                 continue

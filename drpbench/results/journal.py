@@ -24,7 +24,7 @@ from .schema import Header, Result, ResultsError, Row, describe, load, reason, s
 try:
     import fcntl
 except ImportError:  # not POSIX: two runs on one file are then not kept apart
-    fcntl = None
+    fcntl = None  # type: ignore[assignment]
 
 MAY_DIFFER = frozenset({"batch_size", "platform", "created", "wall_seconds"})
 """The header's fields that move no number; a resumed run keeps those of its beginning."""
@@ -245,6 +245,7 @@ class Journal:
 
     def _write(self, block: bytes) -> None:
         rest = memoryview(block)
+        assert self._file is not None, "the log is open while rows are written"
         try:
             while rest:
                 rest = rest[self._file.write(rest) :]

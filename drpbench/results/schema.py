@@ -33,7 +33,7 @@ from pydantic import (
 from drpbench.errors import DrpbenchError
 from drpbench.results.names import is_compressed
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION: Literal[1] = 1
 
 LARGEST = 256_000_000
 """[bytes] What a result file may hold, uncompressed; a run of all problems holds 2 MB."""
@@ -57,7 +57,9 @@ class _Record(BaseModel):
 class Header(_Record):
     """Everything that moves a number in the rows, and what was asked for."""
 
-    schema_version: Literal[1] = Field(SCHEMA_VERSION, description="version of this file format")
+    schema_version: Literal[1] = Field(
+        default=SCHEMA_VERSION, description="version of this file format"
+    )
     policy: Name = Field(description="name of the policy, as given to `drpbench run --policy`")
     policy_parameters: dict[str, Scalar | list[Scalar]] = Field(
         description="the policy's parameters by name"
@@ -130,9 +132,11 @@ class Row(_Record):
     sparc_joint: float | None = Field(description="spectral arc length of the joint speed")
     sparc_ee: float | None = Field(description="spectral arc length of the hand's speed")
     joint_limit_violation: bool
-    status: Name = Field("ok", description="ok, or why the instance failed to run: nan, ...")
+    status: Name = Field(
+        default="ok", description="ok, or why the instance failed to run: nan, ..."
+    )
     valid: bool = Field(
-        True, description="false keeps the row out of every rate (goal never blocked in GB)"
+        default=True, description="false keeps the row out of every rate (goal never blocked in GB)"
     )
 
     @model_validator(mode="after")

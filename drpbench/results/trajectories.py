@@ -37,7 +37,7 @@ class Trajectories:
 
     def add(self, task: str, ids: list[int], trace: Trace) -> None:
         """A batch's episodes, written whole or not at all."""
-        arrays = {}
+        arrays: dict[str, np.ndarray] = {}
         for b, id in enumerate(ids):
             joints = np.concatenate([trace.start[None, b], trace.joint_position[:, b]])
             arrays |= {
@@ -53,7 +53,7 @@ class Trajectories:
     def finish(self) -> None:
         """Joins the batches into one file, and removes them."""
         parts = sorted(self.folder.glob("*.npz"))
-        arrays = {}
+        arrays: dict[str, np.ndarray] = {}
         for part in parts:
             with np.load(part) as batch:
                 arrays |= {name: batch[name] for name in batch.files}
@@ -110,7 +110,7 @@ class _Recorded(Mapping[str, Mapping[str, np.ndarray]]):
 def _write(path: Path, arrays: dict[str, np.ndarray]) -> None:
     partial = path.with_suffix(".npz.tmp")
     with open(partial, "wb") as file:
-        np.savez_compressed(file, **arrays)
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
         file.flush()
         os.fsync(file.fileno())
     os.replace(partial, path)

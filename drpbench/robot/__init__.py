@@ -2,6 +2,7 @@
 
 from .arms import ARMS as ARMS
 from .arms import PANDA as PANDA
+from .arms import arm as arm
 from .body_points import BodyPoints as BodyPoints
 from .body_points import Link as Link
 from .link_poses import LinkPoses as LinkPoses

@@ -1,6 +1,5 @@
 """Episodes of a policy in a world, many problems at once."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any
@@ -12,9 +11,7 @@ import numpy as np
 from drpbench.compile import jit
 from drpbench.contract import Policy, Problem, Verdict
 from drpbench.envs import State, World
-from drpbench.geometry import Primitives, quaternion_to_matrix
 from drpbench.plugins.host import Hosted
-from drpbench.problems import ProblemSet
 
 from . import step as one_world
 from .host import Advanced, Answers, host_pass
@@ -59,27 +56,6 @@ class Trace:
         """(B,) Of the whole episodes; none is finite where the policy failed."""
         answered = self.finite & (not self.failure)
         return Verdict.of(replace(self, finite=answered), self.valid)
-
-
-def take(problems: ProblemSet, ids: Sequence[int]) -> Problem:
-    """The numbered problems as a batch for the device."""
-    index = np.asarray(ids, int)
-    rotation = quaternion_to_matrix(jnp.asarray(problems.quaternion[index], jnp.float32))
-    return Problem(
-        id=index.astype(np.int32),
-        level=problems.level[index].astype(np.int32),
-        start=problems.start[index].astype(np.float32),
-        goal=problems.goal[index].astype(np.float32),
-        goal_position=problems.goal_position[index].astype(np.float32),
-        goal_quaternion=problems.goal_quaternion[index].astype(np.float32),
-        obstacles=Primitives(
-            kind=problems.kind[index].astype(np.int32),
-            half_size=problems.half_size[index].astype(np.float32),
-            position=problems.position[index].astype(np.float32),
-            rotation=np.asarray(rotation),
-            mask=problems.mask[index],
-        ),
-    )
 
 
 class Rollout:

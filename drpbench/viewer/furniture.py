@@ -1,7 +1,6 @@
 """The static scene of a problem with pieces that can be moved, boxes that can be added, and its points."""
 
 from dataclasses import replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +9,7 @@ import numpy as np
 from drpbench.compile import jit
 from drpbench.contract import Problem
 from drpbench.envs import State
-from drpbench.geometry import BOX, Primitives, sample_surface
+from drpbench.geometry import Obstacles, Primitives, concatenate, sample_surface
 from drpbench.perception.surface_cloud import on_box
 
 SPARE = 3
@@ -22,20 +21,8 @@ _TABLE = 1e-3  # [m] what does not rise above it is the ground things stand on
 
 def with_room(problem: Problem) -> Problem:
     """The problem of one world, with SPARE primitives more that are not there."""
-    o = problem.obstacles
-    filler: dict[str, Any] = {
-        "kind": BOX,
-        "half_size": 0.01,
-        "position": 0.0,
-        "rotation": np.eye(3),
-        "mask": False,
-    }
-    padded = {}
-    for name, value in filler.items():
-        array = np.asarray(getattr(o, name))
-        more = np.broadcast_to(value, (SPARE, *array.shape[1:])).astype(array.dtype)
-        padded[name] = np.concatenate([array, more])
-    return replace(problem, obstacles=Primitives(**padded))
+    both = concatenate(problem.obstacles, Obstacles.absent(SPARE).primitives())
+    return replace(problem, obstacles=jax.tree.map(np.asarray, both))
 
 
 _sampled = jit(sample_surface, static_argnums=2)

@@ -20,8 +20,8 @@ from drpbench.envs import State, World
 from drpbench.planning.pose_goals import nearest_goal
 from drpbench.plugins.host import Hosted
 from drpbench.policies import DcpRmp
-from drpbench.problems import ProblemSet
-from drpbench.rollout import instance_key, take
+from drpbench.problems import TaskProblems
+from drpbench.rollout import instance_key
 from drpbench.rollout import step as one_world
 from drpbench.rollout.host import Answers
 from drpbench.rollout.keys import WORLD
@@ -43,7 +43,9 @@ _BOX_PLACES = np.array(
 class Simulation:
     """A policy in a world, and numbered problems of its task. `open` one, then `step`."""
 
-    def __init__(self, world: World, policy: Policy | Hosted, problems: ProblemSet, seed: int = 0):
+    def __init__(
+        self, world: World, policy: Policy | Hosted, problems: TaskProblems, seed: int = 0
+    ):
         self.world, self.task, self.problems, self.seed = world, world.task, problems, seed
         self._hosted = policy if isinstance(policy, Hosted) else None
         self._policy = policy.shown if isinstance(policy, Hosted) else policy
@@ -56,10 +58,10 @@ class Simulation:
 
         Raises ProblemSetError for a number that is not there.
         """
-        self.problems.to_json(id)  # says what is wrong with the number
+        self.problems.require([id])
         self.id = id
         problem = with_room(
-            jax.tree.map(lambda leaf: np.asarray(leaf)[0, ...], take(self.problems, [id]))
+            jax.tree.map(lambda leaf: np.asarray(leaf)[0, ...], self.problems.take([id]))
         )
         first, self._first_carry, self._first_seen = _begin(
             self.world, self._policy, self.seed, problem

@@ -1,7 +1,5 @@
 """The referee sees what the meshes touch, when, with which link and how deep."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
@@ -9,36 +7,35 @@ import pytest
 from drpbench.contract import CONTROL_PERIOD
 from drpbench.evaluation import referee
 from drpbench.evaluation.referee import Judgement, RefereeError, agreement, judge, judge_episode
-from drpbench.problems import ProblemSet, load
+from drpbench.geometry import Obstacles
+from drpbench.problems import ProblemSet, TaskProblems, load_set
 from drpbench.robot import PANDA
 
 needs_meshes = pytest.mark.skipif(PANDA.meshes.find() is None, reason=PANDA.meshes.absent)
 SHA = "a" * 64
 
 
-def problem_set(*boxes) -> ProblemSet:
+def among(*boxes) -> TaskProblems:
     """One problem among boxes, each (full size, centre) [m]."""
     n = len(boxes)
     half_size = np.array([size for size, _ in boxes], np.float32).reshape(1, n, 3) / 2
-    identity = np.tile(np.float32([1, 0, 0, 0]), (1, n, 1))
-    return ProblemSet(
-        name="drpbench-v1",
-        sha256=SHA,
+    centre = np.array([centre for _, centre in boxes], np.float32).reshape(1, n, 3)
+    return TaskProblems(
         task="FDO",
-        kind=np.zeros((1, n), np.int32),
-        half_size=half_size,
-        position=np.array([centre for _, centre in boxes], np.float32).reshape(1, n, 3),
-        quaternion=identity,
-        mask=np.ones((1, n), bool),
+        obstacles=Obstacles.boxes(half_size, centre, np.tile(np.float32([1, 0, 0, 0]), (1, n, 1))),
         start=PANDA.home[None].astype(np.float32),
         goal=PANDA.home[None].astype(np.float32),
         goal_position=np.zeros((1, 3), np.float32),
-        goal_quaternion=identity[:, 0] if n else np.float32([[1, 0, 0, 0]]),
+        goal_quaternion=np.float32([[1, 0, 0, 0]]),
         family=["box"],
         pair=["ff"],
         level=np.ones(1, np.int32),
         witness=[PANDA.home[None]],
     )
+
+
+def as_set(problems: TaskProblems, sha256: str = SHA) -> ProblemSet:
+    return ProblemSet("drpbench-v1", sha256, {"FDO": problems})
 
 
 def recording(joints, movers=0) -> dict[str, np.ndarray]:
@@ -110,7 +107,7 @@ def front(arm, q) -> tuple[float, str]:
 
 
 def test_an_arm_that_keeps_off_is_free(checker, row):
-    wall = problem_set(((0.2, 2.0, 2.0), (1.5, 0.0, 0.5)))
+    wall = among(((0.2, 2.0, 2.0), (1.5, 0.0, 0.5)))
     found = judge_episode(row, recording(swing(-0.3, 0.3, 20)), wall, checker)
     assert not found.collided
     assert (found.first_step, found.link, found.closest_step) == (None, None, None)
@@ -130,7 +127,7 @@ def test_a_wall_is_touched_at_the_right_step_by_the_right_link_and_as_deep(check
     first = next(i for i, (x, _) in enumerate(ahead) if x > face)
     assert 5 < first < 50
 
-    wall = problem_set(((2.0, 4.0, 4.0), (face + 1.0, 0.0, 0.0)))
+    wall = among(((2.0, 4.0, 4.0), (face + 1.0, 0.0, 0.0)))
     found = judge_episode(row, recording(joints), wall, checker)
     assert found.collided
     assert (found.first_step, found.link) == (first // 2, ahead[first][1])
@@ -141,7 +138,7 @@ def test_a_wall_is_touched_at_the_right_step_by_the_right_link_and_as_deep(check
 
 def test_the_clearance_of_a_near_miss_is_exact(checker, row, arm):
     face = front(arm, PANDA.home)[0] + 0.012
-    wall = problem_set(((2.0, 4.0, 4.0), (face + 1.0, 0.0, 0.0)))
+    wall = among(((2.0, 4.0, 4.0), (face + 1.0, 0.0, 0.0)))
     found = judge_episode(row, recording(still(2)), wall, checker)
     assert not found.collided
     assert found.clearance == pytest.approx(0.012, abs=1e-4)
@@ -149,7 +146,7 @@ def test_the_clearance_of_a_near_miss_is_exact(checker, row, arm):
 
 def test_the_middle_of_a_control_step_is_looked_at(checker, row):
     # One step carries the hand from one side of a post to the other.
-    post = problem_set(((0.02, 0.02, 1.0), (0.31, 0.0, 0.55)))
+    post = among(((0.02, 0.02, 1.0), (0.31, 0.0, 0.55)))
     joints = swing(-0.8, 0.8, 1)
     for end in joints:
         assert not judge_episode(row, recording([end, end]), post, checker).collided
@@ -166,7 +163,7 @@ def test_a_box_is_where_it_was_recorded_at_that_step(checker, row, arm):
     episode["mover_half_size"][:] = [0.5, 2.0, 2.0]
     faces = nose + 0.155 - 0.01 * np.arange(steps)
     episode["mover_position"][:, 0, 0] = faces + 0.5
-    found = judge_episode(row, episode, problem_set(), checker)
+    found = judge_episode(row, episode, among(), checker)
     assert found.first_step == 16
     assert found.closest_step == 29
     assert found.depth == pytest.approx(nose - faces[-1], abs=1e-4)
@@ -175,9 +172,9 @@ def test_a_box_is_where_it_was_recorded_at_that_step(checker, row, arm):
 def test_boxes_count_only_while_they_exist(checker, row):
     episode = recording(still(20), movers=2)
     episode["mover_position"][:, 1] = [0.3, 0.0, 0.5]
-    assert not judge_episode(row, episode, problem_set(), checker).collided
+    assert not judge_episode(row, episode, among(), checker).collided
     episode["mover_active"][7:9, 1] = True
-    found = judge_episode(row, episode, problem_set(), checker)
+    found = judge_episode(row, episode, among(), checker)
     assert found.collided and found.first_step == 7
     assert found.closest_step in (7, 8)
 
@@ -189,24 +186,24 @@ def test_a_box_may_change_size_and_turn_during_an_episode(checker, row, arm):
     episode["mover_position"][:, 0] = [nose + 0.1, 0.0, 0.4]
     turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], np.float32)
     episode["mover_half_size"][:] = [0.05, 0.2, 0.4]
-    assert not judge_episode(row, episode, problem_set(), checker).collided
+    assert not judge_episode(row, episode, among(), checker).collided
     episode["mover_rotation"][6:] = turn  # its long side lies along x now
-    assert judge_episode(row, episode, problem_set(), checker).first_step == 6
+    assert judge_episode(row, episode, among(), checker).first_step == 6
     episode["mover_half_size"][4:] = [0.2, 0.2, 0.4]
-    assert judge_episode(row, episode, problem_set(), checker).first_step == 4
+    assert judge_episode(row, episode, among(), checker).first_step == 4
 
 
 def test_the_immovable_base_and_the_arm_in_itself_do_not_count(checker, row, arm):
-    base = problem_set(((0.3, 0.3, 0.1), (0.0, 0.0, 0.0)))
+    base = among(((0.3, 0.3, 0.1), (0.0, 0.0, 0.0)))
     assert not judge_episode(row, recording(still(1)), base, checker).collided
     folded = np.array([0.0, -1.2, 0.0, -3.05, 0.0, 0.1, 0.0])
-    checker.set_obstacles([], [], [], [])
+    checker.set_obstacles(Obstacles.absent(0))
     assert checker.clearance(folded) < -0.01
-    assert not judge_episode(row, recording([folded, folded]), problem_set(), checker).collided
+    assert not judge_episode(row, recording([folded, folded]), among(), checker).collided
 
 
 def test_an_episode_is_judged_up_to_where_it_is_no_longer_a_number(checker, row):
-    wall = problem_set(((0.1, 2.0, 2.0), (0.35, 0.0, 0.5)))
+    wall = among(((0.1, 2.0, 2.0), (0.35, 0.0, 0.5)))
     joints = still(4)
     joints[1:] = np.nan
     assert not judge_episode(row, recording(joints), wall, checker).collided
@@ -216,7 +213,7 @@ def test_an_episode_is_judged_up_to_where_it_is_no_longer_a_number(checker, row)
 
 def test_the_middle_is_where_the_velocity_leads_back_to(checker, row):
     # The arm bounces: it stands where it stood, and was at the post in the middle of the step.
-    post = problem_set(((0.02, 0.02, 1.0), (0.31, 0.0, 0.55)))
+    post = among(((0.02, 0.02, 1.0), (0.31, 0.0, 0.55)))
     episode = recording(swing(-0.8, -0.8, 1))
     assert not judge_episode(row, episode, post, checker).collided
     episode["joint_velocity"][0, 0] = -0.8 / (CONTROL_PERIOD / 2)
@@ -228,7 +225,7 @@ def test_the_middle_is_where_the_velocity_leads_back_to(checker, row):
 def test_the_slots_see_what_a_model_made_for_the_scene_sees(checker, task):
     """Distances over real scenes, against MuJoCo's pairwise distance on a freshly compiled
     model."""
-    problems = load(task)
+    problems = load_set().task(task)
     rng = np.random.default_rng(0)
     kinds = [
         mujoco.mjtGeom.mjGEOM_BOX,
@@ -237,13 +234,12 @@ def test_the_slots_see_what_a_model_made_for_the_scene_sees(checker, task):
     ]
     compared = 0
     for index in range(0, 24, 2):
-        scene = [
-            getattr(problems, field)[index][problems.mask[index]]
-            for field in ("kind", "half_size", "position", "quaternion")
-        ]
+        scene = problems.obstacles[index].present()
         spec = PANDA.meshes.spec(PANDA.meshes.find())
         arm_geoms = spec.compile().ngeom
-        for kind, half, position, quaternion in zip(*scene, strict=True):
+        for kind, half, position, quaternion in zip(
+            scene.kind, scene.half_size, scene.position, scene.quaternion, strict=True
+        ):
             size = [half[0], half[2], 0.0] if kind == 1 else half
             geom = spec.worldbody.add_geom()
             geom.type, geom.size, geom.pos, geom.quat = kinds[kind], size, position, quaternion
@@ -253,7 +249,7 @@ def test_the_slots_see_what_a_model_made_for_the_scene_sees(checker, task):
         obstacles = [g for g in range(model.ngeom) if names[g] == "world"]
         links = [g for g in range(model.ngeom) if names[g] not in ("world", "link0")]
         assert len(obstacles) + len(links) < model.ngeom and arm_geoms < model.ngeom
-        checker.set_obstacles(*scene)
+        checker.set_obstacles(scene)
         for _ in range(16):
             q = rng.uniform(*checker.model.jnt_range[:7].T)
             data.qpos[:7] = q
@@ -277,25 +273,25 @@ def test_the_slots_see_what_a_model_made_for_the_scene_sees(checker, task):
 @needs_meshes
 def test_judges_a_whole_run(make_result):
     result = make_result(verdicts={"FDO": "x"}, problem_set_sha256=SHA)
-    wall = problem_set(((0.1, 2.0, 2.0), (0.35, 0.0, 0.5)))
-    (found,) = judge(result, {"FDO-0": recording(still(3))}, {"FDO": wall})
+    wall = among(((0.1, 2.0, 2.0), (0.35, 0.0, 0.5)))
+    (found,) = judge(result, {"FDO-0": recording(still(3))}, as_set(wall))
     assert found.collided and found.agrees
 
 
 @needs_meshes
 def test_refuses_what_it_cannot_judge(make_result):
     result = make_result(verdicts={"FDO": "x"}, problem_set_sha256=SHA)
-    episode, problems = recording(still(3), movers=1), problem_set()
+    episode, problems = recording(still(3), movers=1), among()
     with pytest.raises(RefereeError, match=r"1 of 1 .* FDO-0.*--save-trajectories"):
-        judge(result, {}, {"FDO": problems})
+        judge(result, {}, as_set(problems))
     with pytest.raises(RefereeError, match="run it again"):
-        judge(result, {"FDO-0": episode}, {"FDO": replace(problems, sha256="b" * 64)})
+        judge(result, {"FDO-0": episode}, as_set(problems, "b" * 64))
     with pytest.raises(RefereeError, match="FDO-0 lacks mover_active"):
         partial = {k: v for k, v in episode.items() if k != "mover_active"}
-        judge(result, {"FDO-0": partial}, {"FDO": problems})
+        judge(result, {"FDO-0": partial}, as_set(problems))
     with pytest.raises(RefereeError, match="FDO-0 is damaged"):
         short = episode | {"joint_position": episode["joint_position"][:-1]}
-        judge(result, {"FDO-0": short}, {"FDO": problems})
+        judge(result, {"FDO-0": short}, as_set(problems))
 
 
 def test_says_where_meshes_are_looked_for_when_there_are_none(make_result, monkeypatch, tmp_path):
@@ -304,7 +300,7 @@ def test_says_where_meshes_are_looked_for_when_there_are_none(make_result, monke
     monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path / "none"))
     result = make_result(verdicts={"FDO": "x"}, problem_set_sha256=SHA)
     with pytest.raises(RefereeError) as error:
-        judge(result, {"FDO-0": recording(still(1))}, {"FDO": problem_set()})
+        judge(result, {"FDO-0": recording(still(1))}, as_set(among()))
     assert str(error.value) == PANDA.meshes.absent
 
 

@@ -18,34 +18,37 @@ def draws(family):
 
 def extent(scene):
     """Half extents (n, 3) of the obstacles' bounding boxes along the world's axes."""
-    turns = np.array([quaternion_to_matrix(q) for q in scene.quaternion.astype(float)])
-    extents = np.einsum("nij,nj->ni", np.abs(turns), scene.half_size)
+    turns = np.array([quaternion_to_matrix(q) for q in scene.obstacles.quaternion.astype(float)])
+    extents = np.einsum("nij,nj->ni", np.abs(turns), scene.obstacles.half_size)
     axis = turns[:, :, 2]
-    radius, half = scene.half_size[:, :1], scene.half_size[:, 2:]
+    radius, half = scene.obstacles.half_size[:, :1], scene.obstacles.half_size[:, 2:]
     round_ = np.abs(axis) * half + radius * np.sqrt(np.clip(1 - axis**2, 0, 1))
-    extents = np.where(scene.kind[:, None] == CYLINDER, round_, extents)
-    return np.where(scene.kind[:, None] == SPHERE, scene.half_size, extents)
+    extents = np.where(scene.obstacles.kind[:, None] == CYLINDER, round_, extents)
+    return np.where(scene.obstacles.kind[:, None] == SPHERE, scene.obstacles.half_size, extents)
 
 
 def boxes(scene):
     """Sorted full extents (m, 3) of the boxes, the table left out: thickness first."""
-    chosen = scene.kind == BOX
+    chosen = scene.obstacles.kind == BOX
     chosen[0] = False
-    return np.sort(2 * scene.half_size[chosen], axis=1)
+    return np.sort(2 * scene.obstacles.half_size[chosen], axis=1)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_obstacles_are_proper_and_stand_on_the_table(family):
     for scene in draws(family):
         assert scene.family == family
-        assert 1 <= scene.count <= MAX_OBSTACLES
-        assert scene.kind[0] == BOX and scene.position[0, 2] + scene.half_size[0, 2] == 0.0
-        assert np.all(scene.half_size > 0.002)
-        assert np.all(scene.half_size[1:] < 0.7)
-        np.testing.assert_allclose(np.linalg.norm(scene.quaternion, axis=1), 1, atol=1e-6)
-        lowest = (scene.position - extent(scene))[1:, 2]
+        assert 1 <= scene.obstacles.count <= MAX_OBSTACLES
+        assert (
+            scene.obstacles.kind[0] == BOX
+            and scene.obstacles.position[0, 2] + scene.obstacles.half_size[0, 2] == 0.0
+        )
+        assert np.all(scene.obstacles.half_size > 0.002)
+        assert np.all(scene.obstacles.half_size[1:] < 0.7)
+        np.testing.assert_allclose(np.linalg.norm(scene.obstacles.quaternion, axis=1), 1, atol=1e-6)
+        lowest = (scene.obstacles.position - extent(scene))[1:, 2]
         assert np.all(lowest > -1e-6), "nothing is sunk into the table"
-        assert np.all(np.linalg.norm(scene.position[1:, :2], axis=1) < 1.3)
+        assert np.all(np.linalg.norm(scene.obstacles.position[1:, :2], axis=1) < 1.3)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -62,7 +65,7 @@ def test_hand_regions_are_within_reach(family):
 def test_furniture_keeps_clear_of_the_arms_base(family, spheres):
     clear = 0
     for scene in draws(family):
-        spheres.set_scene(scene)
+        spheres.set_obstacles(scene.obstacles)
         clear += spheres.base_clearance() > 0.02
     assert clear > 0.9 * len(SEEDS)
 
@@ -76,27 +79,28 @@ def test_families_are_those_of_the_benchmark():
 def test_one_seed_draws_one_scene():
     for family in FAMILIES:
         a, b, c = (FAMILIES[family](np.random.default_rng(seed)) for seed in (3, 3, 4))
-        assert np.array_equal(a.position, b.position)
-        assert np.array_equal(a.half_size, b.half_size)
-        assert family == "table" or not np.array_equal(a.position, c.position)
+        assert np.array_equal(a.obstacles.position, b.obstacles.position)
+        assert np.array_equal(a.obstacles.half_size, b.obstacles.half_size)
+        assert family == "table" or not np.array_equal(a.obstacles.position, c.obstacles.position)
 
 
 def test_boxes_are_open_to_the_top():
     for scene in draws("box"):
         inside = next(r for r in scene.tight if r.place == "in the box")
         # Nothing with its middle above the box's inside, but a floor below it.
-        offsets = np.abs(scene.position[1:, :2] - inside.centre[:2])
-        over = np.all(offsets < 0.05, axis=1) & (scene.position[1:, 2] > inside.centre[2])
+        offsets = np.abs(scene.obstacles.position[1:, :2] - inside.centre[:2])
+        over = np.all(offsets < 0.05, axis=1) & (scene.obstacles.position[1:, 2] > inside.centre[2])
         assert not over.any()
         assert (boxes(scene)[:, 0] < 0.021).sum() >= 5, "four walls and a floor"
 
 
 def test_cages_are_bars_on_a_plate():
     for scene in draws("cage"):
-        bars = (scene.kind == CYLINDER) & (scene.half_size[:, 0] < 0.02)
+        bars = (scene.obstacles.kind == CYLINDER) & (scene.obstacles.half_size[:, 0] < 0.02)
         assert bars.sum() >= 17
         upright = [
-            abs(quaternion_to_matrix(q)[2, 2]) > 0.99 for q in scene.quaternion[bars].astype(float)
+            abs(quaternion_to_matrix(q)[2, 2]) > 0.99
+            for q in scene.obstacles.quaternion[bars].astype(float)
         ]
         assert sum(upright) >= 13
 
@@ -110,39 +114,47 @@ def test_cubbies_are_grids_of_compartments():
 
 def test_dishwashers_have_a_door_down_and_plates_in_the_rack():
     for scene in draws("dishwasher"):
-        axes = np.array([quaternion_to_matrix(q)[:, 2] for q in scene.quaternion.astype(float)])
+        axes = np.array(
+            [quaternion_to_matrix(q)[:, 2] for q in scene.obstacles.quaternion.astype(float)]
+        )
         plates = (
-            (scene.kind == CYLINDER)
-            & (scene.half_size[:, 0] > 0.07)
-            & (scene.half_size[:, 2] < 0.01)
+            (scene.obstacles.kind == CYLINDER)
+            & (scene.obstacles.half_size[:, 0] > 0.07)
+            & (scene.obstacles.half_size[:, 2] < 0.01)
             & (np.abs(axes[:, 2]) < 0.01)
         )
         assert plates.sum() >= 3
-        door = (scene.kind == BOX) & (np.abs(2 * scene.half_size[:, 2] - 0.025) < 1e-6)
-        assert door.sum() == 1 and scene.position[door, 2] < 0.05
+        door = (scene.obstacles.kind == BOX) & (
+            np.abs(2 * scene.obstacles.half_size[:, 2] - 0.025) < 1e-6
+        )
+        assert door.sum() == 1 and scene.obstacles.position[door, 2] < 0.05
 
 
 def test_hybrids_hold_more_than_one_thing():
     for scene in draws("hybrid"):
         places = {region.place.split(" ")[0] for region in scene.tight}
-        loose = ((scene.position - extent(scene))[1:, 2] < 1e-6).sum()
+        loose = ((scene.obstacles.position - extent(scene))[1:, 2] < 1e-6).sum()
         assert len(places) > 1 or len({r.place for r in scene.tight}) > 1 or loose >= 4
 
 
 def test_microwaves_have_an_opened_door_with_a_handle_and_a_turntable():
     for scene in draws("microwave"):
         turntable = (
-            (scene.kind == CYLINDER)
-            & (scene.half_size[:, 0] > 0.12)
-            & (scene.half_size[:, 2] < 0.01)
+            (scene.obstacles.kind == CYLINDER)
+            & (scene.obstacles.half_size[:, 0] > 0.12)
+            & (scene.obstacles.half_size[:, 2] < 0.01)
         )
-        handle = (scene.kind == CYLINDER) & (np.abs(scene.half_size[:, 0] - 0.009) < 1e-6)
-        door = (scene.kind == BOX) & (np.abs(2 * scene.half_size - 0.024) < 1e-6).any(axis=1)
+        handle = (scene.obstacles.kind == CYLINDER) & (
+            np.abs(scene.obstacles.half_size[:, 0] - 0.009) < 1e-6
+        )
+        door = (scene.obstacles.kind == BOX) & (
+            np.abs(2 * scene.obstacles.half_size - 0.024) < 1e-6
+        ).any(axis=1)
         assert turntable.sum() == handle.sum() == door.sum() == 1
         # Open: the door's yaw is not the oven's.
-        body = np.argmax(scene.kind[1:] == BOX) + 1
+        body = np.argmax(scene.obstacles.kind[1:] == BOX) + 1
         yaws = [
-            2 * np.arctan2(scene.quaternion[i, 3], scene.quaternion[i, 0])
+            2 * np.arctan2(scene.obstacles.quaternion[i, 3], scene.obstacles.quaternion[i, 0])
             for i in (body, np.argmax(door))
         ]
         assert np.cos(yaws[0] - yaws[1]) < 0.0
@@ -150,22 +162,28 @@ def test_microwaves_have_an_opened_door_with_a_handle_and_a_turntable():
 
 def test_shelves_are_level_boards_at_a_hands_distance():
     for scene in draws("shelf"):
-        width = (2 * scene.half_size).max(axis=1)
-        boards = (scene.kind == BOX) & (2 * scene.half_size[:, 2] < 0.026) & (width > 0.6)
+        width = (2 * scene.obstacles.half_size).max(axis=1)
+        boards = (
+            (scene.obstacles.kind == BOX)
+            & (2 * scene.obstacles.half_size[:, 2] < 0.026)
+            & (width > 0.6)
+        )
         boards[0] = False
-        heights = np.sort(scene.position[boards, 2])
+        heights = np.sort(scene.obstacles.position[boards, 2])
         assert len(heights) in (3, 4)
         assert np.all(np.diff(heights) > 0.2)
-        assert scene.count >= 10, "boards, sides and what stands on them"
+        assert scene.obstacles.count >= 10, "boards, sides and what stands on them"
 
 
 def test_wall_cabinets_hang_high_with_two_open_doors():
     for scene in draws("wall_cabinet"):
-        low, high = (scene.position + sign * extent(scene) for sign in (-1, 1))
+        low, high = (scene.obstacles.position + sign * extent(scene) for sign in (-1, 1))
         wall = (low[:, 2] < 1e-6) & (high[:, 2] > 0.8)
         pots = (low[:, 2] < 1e-6) & (high[:, 2] < 0.25)
         hanging = ~wall & ~pots
         assert wall.sum() == 1
         assert np.all(low[hanging, 2] > 0.3)
-        doors = (scene.kind == BOX) & (np.abs(2 * scene.half_size[:, 0] - 0.016) < 1e-6)
+        doors = (scene.obstacles.kind == BOX) & (
+            np.abs(2 * scene.obstacles.half_size[:, 0] - 0.016) < 1e-6
+        )
         assert doors.sum() == 2

@@ -53,7 +53,7 @@ def test_placing_furniture_turns_it_about_its_front():
 
 def test_the_tabletop_is_at_zero_exactly():
     table = scene.compose("none", (), ())
-    assert table.position[0, 2] + table.half_size[0, 2] == 0.0
+    assert table.obstacles.position[0, 2] + table.obstacles.half_size[0, 2] == 0.0
 
 
 def test_too_many_obstacles_are_refused():

@@ -1,5 +1,6 @@
 """Training problems are free of collision, repeatable, and never the benchmark's."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -12,7 +13,7 @@ from drpbench.generation.training_problems import (
 )
 from drpbench.planning.checker import sphere_checker
 from drpbench.planning.motion import samples
-from drpbench.problems import TASKS, load
+from drpbench.problems import load_set
 from drpbench.robot import PANDA
 
 
@@ -21,21 +22,20 @@ def checker():
     return sphere_checker()
 
 
-def obstacles(one):
-    kept = (one.kind, one.half_size, one.position, one.quaternion)
-    return [values[one.mask] for values in kept]
-
-
 def test_a_problem_depends_on_its_number_alone(drawn):
     again = Drawer("tests").draw(7)
-    for name in ("kind", "half_size", "position", "quaternion", "mask", "start", "goal", "hint"):
+    for name in ("start", "goal", "hint"):
         assert np.array_equal(getattr(again, name), getattr(drawn[7], name)), name
+    for found, expected in zip(
+        jax.tree.leaves(again.obstacles), jax.tree.leaves(drawn[7].obstacles), strict=True
+    ):
+        assert np.array_equal(found, expected)
 
 
 def test_starts_are_free_and_goals_are_as_they_are_said_to_be(drawn, checker):
     assert 0 < sum(one.obstructed for one in drawn) < len(drawn)
     for one in drawn:
-        checker.set_obstacles(*obstacles(one))
+        checker.set_obstacles(one.obstacles)
         assert checker.free(one.start)
         assert checker.free(one.goal) != one.obstructed
         assert np.array_equal(one.hint[0], one.start) and np.array_equal(one.hint[-1], one.goal)
@@ -44,7 +44,7 @@ def test_starts_are_free_and_goals_are_as_they_are_said_to_be(drawn, checker):
 def test_hints_lead_round_all_that_does_not_stand_on_the_goal(drawn, checker):
     for one in drawn:
         if not one.obstructed:
-            checker.set_obstacles(*obstacles(one))
+            checker.set_obstacles(one.obstacles)
             # Even steps cut the corners of the planner's path, which kept 6.5 mm.
             assert min(checker.clearance(q) for q in samples(one.hint.astype(float), 0.02)) > -0.01
 
@@ -61,8 +61,7 @@ def test_no_test_problem_is_among_those_learned_from():
     number."""
     known = {
         row.tobytes()
-        for task in TASKS
-        for problems in [load(task)]
+        for problems in load_set().problems.values()
         for row in np.concatenate([problems.start, problems.goal])
     }
     for stream in (TRAINING_STREAM, VALIDATION_STREAM):

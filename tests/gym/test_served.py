@@ -8,7 +8,7 @@ import pytest
 from drpbench.envs import TASKS, World
 from drpbench.geometry import signed_distance
 from drpbench.gym.served import Frozen, Training
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.robot import PANDA
 from drpbench.rollout import instance_key
 
@@ -65,7 +65,7 @@ def test_only_dgb_begins_at_its_goal(training):
 @pytest.mark.parametrize("task", ["FDO", "SE"])
 def test_no_problem_is_one_of_the_benchmarks(training, task):
     drawn = training["FDO"]
-    frozen = load(task)
+    frozen = load_set().task(task)
     assert not (frozen.goal[:, None] == drawn.goal).all(axis=2).any()
     own, other = (instance_key(0, task, 3, source.stream) for source in (Frozen, Training))
     assert (jax.random.key_data(own) != jax.random.key_data(other)).any()

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 import drpbench.gym  # noqa: F401 - registers the environments
 from drpbench.contract import EPISODE, Episode, Observation
 from drpbench.plugins.registry import choose
-from drpbench.problems import load as load_problems
+from drpbench.problems import load_set
 from drpbench.results import load
 from drpbench.results.shipped import shipped_results
 from drpbench.robot import PANDA
@@ -119,7 +119,7 @@ def test_problems_come_once_each_in_an_order_that_the_seed_sets(envs):
         ids = [envs.reset(seed=seed)[1]["id"]]
         return np.concatenate(ids + [envs.reset()[1]["id"] for _ in range(rounds - 1)]).tolist()
 
-    count = load_problems("FDO").count
+    count = load_set().task("FDO").count
     every = served(5, count // LANES)
     assert sorted(every) == list(range(count))
     assert served(5, 3) == every[: 3 * LANES]
@@ -132,7 +132,7 @@ def test_a_numbered_problem_is_the_same_in_any_lane_whatever_the_seed(envs):
     assert info["id"].tolist() == [9, 9, 9, 17]
     for name, values in one.items():
         np.testing.assert_array_equal(values[0], two[name][3], err_msg=name)
-    np.testing.assert_array_equal(one["goal_joints"][0], load_problems("FDO").goal[17])
+    np.testing.assert_array_equal(one["goal_joints"][0], load_set().task("FDO").goal[17])
 
 
 def test_a_target_that_is_no_number_fails_its_lane_alone(envs):

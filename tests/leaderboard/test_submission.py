@@ -11,7 +11,7 @@ import pytest
 from drpbench.cli import app as cli
 from drpbench.leaderboard import load_dir
 from drpbench.leaderboard.submission import assess, check
-from drpbench.problems import counts
+from drpbench.problems import load_set
 from drpbench.results import Header, Result, ResultsError, Row, load
 from drpbench.results.shipped import shipped_results
 
@@ -125,7 +125,7 @@ def test_an_id_out_of_range_is_named(fdo):
 
 
 def test_a_whole_run_has_a_place_in_every_task(shipped):
-    mine = restricted(shipped["straight+dcp-rmp.json.gz"], counts(), policy="mine")
+    mine = restricted(shipped["straight+dcp-rmp.json.gz"], load_set().counts, policy="mine")
     found = assess({"x.json": mine}, shipped)
     places = {standing.task: (standing.place, standing.of) for standing in found.standings}
     # As the table of the shipped results has it; ties share a place, `hold` has no valid row in GB.
@@ -169,7 +169,7 @@ def test_what_is_missing_is_said(shipped, fdo):
 def test_files_of_one_policy_are_one_entry(shipped):
     parts = {
         f"{task}.json": restricted(shipped["straight.json.gz"], (task,), policy="mine")
-        for task in counts()
+        for task in load_set().counts
     }
     found = assess(parts, shipped)
     assert found.missing == () and not found.entry.overall.partial

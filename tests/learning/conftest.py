@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
 
+from drpbench.geometry import stacked
 from drpbench.learning.demonstrations import Demonstrations
 from drpbench.robot import PANDA
 
@@ -30,11 +31,10 @@ def demonstrations(drawn):
         return np.stack([getattr(one, name) for one in free])
 
     steps = np.abs(np.diff(stack("hint"), axis=1)) / PANDA.velocity_limit
-    scene = {name: stack(name) for name in ("kind", "half_size", "position", "quaternion", "mask")}
     arrays = Demonstrations(
         index=stack("index"),
         family=stack("family"),
-        **scene,
+        obstacles=stacked([one.obstacles for one in free]),
         goal=stack("goal"),
         path=stack("hint"),
         length=steps.max(axis=2).sum(axis=1).astype(np.float32),

@@ -36,7 +36,7 @@ def test_places_along_a_path_are_between_its_waypoints():
 
 
 def test_points_lie_on_obstacles_above_the_table(batch, demonstrations):
-    obstacles = demonstrations.obstacles()
+    obstacles = demonstrations.obstacles.primitives()
     for b in range(8):
         # A scene that is mostly table has fewer: what is under its top is not seen.
         there = np.asarray(batch.scene_mask[b])
@@ -92,7 +92,7 @@ def test_the_same_key_draws_the_same_batch(batch, demonstrations):
 
 
 def test_clouds_without_obstacles_are_empty(demonstrations):
-    scene = jax.tree.map(lambda leaf: leaf[0], demonstrations.obstacles())
+    scene = jax.tree.map(lambda leaf: leaf[0], demonstrations.obstacles.primitives())
     bare = jax.tree.map(jnp.asarray, scene)
     bare = type(scene)(bare.kind, bare.half_size, bare.position, bare.rotation, bare.mask & False)
     points, there = batches.cloud(jax.random.key(0), bare, 64)
@@ -102,7 +102,7 @@ def test_clouds_without_obstacles_are_empty(demonstrations):
 def test_some_clouds_are_denser_on_some_obstacles(demonstrations):
     """The share of points on an obstacle varies more between clouds than chance alone would have
     it."""
-    scene = jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), demonstrations.obstacles())
+    scene = jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), demonstrations.obstacles.primitives())
     high = jax.vmap(lambda key: jnp.mean(batches.cloud(key, scene, 512)[0][:, 2] > 0.02))(
         jax.random.split(jax.random.key(0), 64)
     )

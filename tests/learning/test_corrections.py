@@ -72,8 +72,12 @@ def corrected(demonstrations):
 
 def boxes_more(demonstrations, corrected):
     """How many obstacles each corrected scene has more than the demonstrated one."""
-    count = dict(zip(demonstrations.index.tolist(), demonstrations.mask.sum(axis=1), strict=True))
-    return corrected.mask.sum(axis=1) - [count[index] for index in corrected.index.tolist()]
+    count = dict(
+        zip(demonstrations.index.tolist(), demonstrations.obstacles.mask.sum(axis=1), strict=True)
+    )
+    return corrected.obstacles.mask.sum(axis=1) - [
+        count[index] for index in corrected.index.tolist()
+    ]
 
 
 def test_corrections_are_free_and_end_at_the_goal(demonstrations, corrected):
@@ -83,9 +87,9 @@ def test_corrections_are_free_and_end_at_the_goal(demonstrations, corrected):
         assert least * demonstrations.count <= (more == boxes).sum() <= demonstrations.count
     found = jax.tree.map(jnp.asarray, corrected)
     free = jax.vmap(lambda path, obstacles: check_path(path, obstacles).free)
-    assert free(found.path, found.obstacles()).all()
+    assert free(found.path, found.obstacles.primitives()).all()
     room = jax.vmap(lambda q, obstacles: gaps(q, obstacles).obstacle.min())
-    assert (room(found.path[:, 0], found.obstacles()) > 0.0).all()
+    assert (room(found.path[:, 0], found.obstacles.primitives()) > 0.0).all()
     ends = np.abs(corrected.path[:, -1] - corrected.goal).max(axis=1)
     assert (ends[corrected.reached] == 0.0).all() and corrected.reached[more == 0].all()
 
@@ -98,8 +102,8 @@ def test_a_box_that_appears_leaves_room_where_the_arm_is_and_stands_on_its_way(d
     walked = along(one.path, jnp.linspace(0.0, 1.0, STEPS))
     scenes, q, placed = jax.vmap(lambda key: _interrupted(one, walked, room, key))(keys)
     assert 0.3 < placed.mean() <= 1.0
-    slot = int(np.argmin(one.mask))
-    only = jax.tree.map(lambda leaf: leaf[:, slot : slot + 1], scenes.obstacles())
+    slot = int(np.argmin(one.obstacles.mask))
+    only = jax.tree.map(lambda leaf: leaf[:, slot : slot + 1], scenes.obstacles.primitives())
 
     def nearest(q):
         return jax.vmap(lambda q, box: gaps(q, box).obstacle.min())(q, only)[placed]

@@ -27,6 +27,16 @@ def test_what_is_read_is_what_was_written_in_order_of_number(folder, demonstrati
         assert a.dtype == b.dtype and np.array_equal(a, b)
 
 
+def test_a_shard_has_the_arrays_that_the_format_says(folder, demonstrations):
+    """One array a name: shards of earlier versions stay readable."""
+    with np.load(folder / "training-000000000.npz") as arrays:
+        assert set(arrays.files) == {
+            *("index", "family", "kind", "half_size", "position", "quaternion", "mask"),
+            *("goal", "path", "length", "reached"),
+        }
+        assert np.array_equal(arrays["quaternion"], demonstrations.obstacles.quaternion[:4])
+
+
 def test_another_run_goes_on_where_the_first_stopped(folder, demonstrations):
     shards = Shards(folder, "training", 8)
     assert shards.done == {0, 8}

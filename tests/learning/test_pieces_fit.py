@@ -5,20 +5,19 @@ timing, weights on disk, the policy, the world. Where two pieces disagree, it fa
 instead of after days of training.
 """
 
-import sys
-
 import jax
 import numpy as np
 import pytest
 
 from drpbench.evaluation import Request, run
 from drpbench.generation.training_problems import Drawer
+from drpbench.geometry import stacked
 from drpbench.learning import train as training
 from drpbench.learning.pretraining import Settings
 from drpbench.learning.production import batch_size, solve
 from drpbench.learning.validation import problems
 from drpbench.policies.networks.impact import SIZES, ImpactSize
-from drpbench.problems import ProblemSet
+from drpbench.problems import ProblemSet, TaskProblems
 
 from .test_pretraining import Fixed
 
@@ -68,13 +67,9 @@ class Quiet:
 def as_set(drawn):
     """The problems as a set that `drpbench run` takes."""
     batch = problems(drawn)
-    return ProblemSet(
-        name="by-heart",
-        sha256="0" * 64,
+    static = TaskProblems(
         task="SE",
-        **{name: np.stack([getattr(one, name) for one in drawn]) for name in ("kind", "half_size")},
-        **{name: np.stack([getattr(one, name) for one in drawn]) for name in ("position", "mask")},
-        quaternion=np.stack([one.quaternion for one in drawn]),
+        obstacles=stacked([one.obstacles for one in drawn]),
         start=batch.start,
         goal=batch.goal,
         goal_position=batch.goal_position,
@@ -84,14 +79,13 @@ def as_set(drawn):
         level=np.zeros(len(drawn), np.int32),
         witness=[one.hint for one in drawn],
     )
+    return ProblemSet("by-heart", "0" * 64, {"SE": static})
 
 
 def test_what_was_learned_by_heart_is_solved_in_closed_loop(solved, tmp_path, monkeypatch):
     demonstrations, drawn = solved
     assert len(drawn) == COUNT
     monkeypatch.setitem(SIZES, "slim", SLIM)
-    # The package's `run` is the function; its module is meant.
-    monkeypatch.setattr(sys.modules[run.__module__], "load", lambda task: as_set(drawn))
     settings = Settings(steps=1200, batch=128, learning_rate=2e-3, averaging=0.99)
     wanted = training.Run(
         tmp_path / "run",
@@ -106,6 +100,7 @@ def test_what_was_learned_by_heart_is_solved_in_closed_loop(solved, tmp_path, mo
         policy=f"impact:{tmp_path / 'run' / 'weights.safetensors'}",
         problems={"SE": None},
         out=tmp_path / "by-heart.json",
+        problem_set=as_set(drawn),
     )
     rows = run(request, Quiet()).rows
     assert len(rows) == COUNT

@@ -124,6 +124,18 @@ def test_static_points_below_the_table_are_left_out(sampled):
     assert not mask.any() and not points.any()
 
 
+def test_without_a_ground_nothing_is_left_out():
+    sunk = furniture()
+    sunk = replace(sunk, position=sunk.position - np.float32([0.0, 0.0, 3.0]))
+    points, mask = (np.asarray(a) for a in sample_static(jax.random.key(2), sunk, 500, False))
+    assert mask.all() and points[:, 2].max() < 0.0
+    assert np.asarray(gaps(jnp.asarray(points), sunk))[:5].min(axis=0).max() < 1e-6
+    boxes = moving(height=-2.0)
+    shown, seen = scene_cloud(drawn(), boxes, ground=False)
+    assert of_box(seen, 0).all() and of_box(shown, 0)[:, 2].max() < 0.0
+    assert not of_box(scene_cloud(drawn(), boxes)[1], 0).any()
+
+
 def test_an_empty_scene_has_no_points(sampled):
     obstacles = furniture()
     nothing = replace(obstacles, mask=np.zeros(6, bool))

@@ -9,7 +9,7 @@ import pytest
 
 from drpbench.compile import jit
 from drpbench.generation.certificate import certify
-from drpbench.geometry import Primitives, quaternion_to_matrix
+from drpbench.geometry import Obstacles, Primitives, stacked
 from drpbench.planning import clearance_cost as cost
 from drpbench.planning.checker import sphere_checker
 from drpbench.planning.expert import CHEAP, PlannerSettings, planner
@@ -42,7 +42,7 @@ def placed(spheres, obstacles):
     there = np.asarray(obstacles.mask)
     upright = np.tile([1.0, 0.0, 0.0, 0.0], (there.sum(), 1))
     spheres.set_obstacles(
-        obstacles.kind[there], obstacles.half_size[there], obstacles.position[there], upright
+        Obstacles.boxes(obstacles.half_size[there], obstacles.position[there], upright)
     )
     return spheres
 
@@ -54,10 +54,7 @@ def real(drawn):
     def stack(name):
         return np.stack([getattr(one, name) for one in drawn])
 
-    rotation = np.asarray(quaternion_to_matrix(jnp.asarray(stack("quaternion"))))
-    obstacles = Primitives(
-        stack("kind"), stack("half_size"), stack("position"), rotation, stack("mask")
-    )
+    obstacles = stacked([one.obstacles for one in drawn]).primitives()
     start, goal, hints = stack("start"), stack("goal"), stack("hint")
     lines = start[:, None] + np.linspace(0, 1, hints.shape[1])[:, None] * (goal - start)[:, None]
     keys = jax.random.split(jax.random.key(0), len(drawn))
@@ -84,10 +81,7 @@ def test_an_independent_engine_certifies_every_plan_that_claims_success(real, sp
         ):
             if not success:
                 continue
-            there = one.mask
-            spheres.set_obstacles(
-                one.kind[there], one.half_size[there], one.position[there], one.quaternion[there]
-            )
+            spheres.set_obstacles(one.obstacles)
             proof = certify(path, one.start, path[-1], spheres, None)
             assert proof.fault is None
             if proof.sphere_clearance < spheres.margin:
@@ -105,10 +99,7 @@ def test_plans_end_at_the_goal_or_as_near_to_it_as_there_is_room(real, spheres):
         if reached:
             np.testing.assert_array_equal(path[-1], one.goal)
         elif success:
-            there = one.mask
-            spheres.set_obstacles(
-                one.kind[there], one.half_size[there], one.position[there], one.quaternion[there]
-            )
+            spheres.set_obstacles(one.obstacles)
             stops.append(spheres.clearance(path[-1]))
             # A step farther towards the goal would come closer to what is in the way than is safe.
             onwards = path[-1] + 0.1 * (one.goal - path[-1])

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from drpbench.compile import jit
-from drpbench.geometry import Primitives, quaternion_to_matrix
+from drpbench.geometry import stacked
 from drpbench.planning import ik
 from drpbench.planning.checker import sphere_checker
 from drpbench.planning.joint_limits import LIMIT_MARGIN, inner_limits
@@ -19,7 +19,6 @@ from drpbench.robot import PANDA
 from ..scenes import postures
 
 SEEDS = 8
-SCENE = ("kind", "half_size", "position", "quaternion")
 
 
 def mujoco_poses(q):
@@ -121,10 +120,7 @@ def test_goals_for_poses_are_free_where_the_furniture_leaves_a_way(drawn):
     def stack(name):
         return np.stack([getattr(one, name) for one in free])
 
-    rotation = np.asarray(quaternion_to_matrix(jnp.asarray(stack("quaternion"))))
-    scenes = Primitives(
-        stack("kind"), stack("half_size"), stack("position"), rotation, stack("mask")
-    )
+    scenes = stacked([one.obstacles for one in free]).primitives()
     positions, matrices = mujoco_poses(stack("goal"))
     keys = jax.random.split(jax.random.key(0), len(free))
     compiled = jit(jax.vmap(nearest_goal))
@@ -139,7 +135,7 @@ def test_goals_for_poses_are_free_where_the_furniture_leaves_a_way(drawn):
     assert np.abs(mujoco_poses(q)[0] - positions).max() < 1.1 * ik.POSITION_TOLERANCE
     checker, clear = sphere_checker(0.02), []
     for one, row in zip(free, q, strict=True):
-        checker.set_obstacles(*(getattr(one, name)[one.mask] for name in SCENE))
+        checker.set_obstacles(one.obstacles)
         clear.append(checker.clearance(row) >= CLEARANCE - 1e-4)
     assert np.mean(clear) > 0.8
     assert not list(goals(positions + [0.0, 0.0, 2.0]))[1].any()

@@ -18,7 +18,7 @@ def solver():
 
 
 def test_solutions_reach_the_pose_within_limits_and_clear(solver, spheres, obstacles):
-    spheres.set_obstacles(*obstacles())
+    spheres.set_obstacles(obstacles())
     rng, solved = np.random.default_rng(0), 0
     for _ in range(30):
         position, matrix = spheres.grip_pose(PANDA.home + rng.normal(0, 0.2, 7))
@@ -37,11 +37,11 @@ def test_solutions_reach_the_pose_within_limits_and_clear(solver, spheres, obsta
 
 
 def test_a_pose_out_of_reach_or_in_an_obstacle_has_none(solver, spheres, obstacles):
-    spheres.set_obstacles(*obstacles())
+    spheres.set_obstacles(obstacles())
     rng, (position, matrix) = np.random.default_rng(0), spheres.grip_pose(PANDA.home)
     quaternion = rotation.from_matrix(matrix)
     assert solver.solve(rng, position + (1.0, 0, 0), quaternion, spheres, 0.0) is None
-    spheres.set_obstacles(*obstacles((2, (0.05,) * 3, position)))
+    spheres.set_obstacles(obstacles((2, (0.05,) * 3, position)))
     assert solver.solve(rng, position, quaternion, spheres, 0.0) is None
 
 

@@ -7,12 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from drpbench.contract import Policy
-from drpbench.envs import TASKS
+from drpbench.envs import TASKS, World
 from drpbench.planning.expert import PlannerSettings, plan
 from drpbench.planning.rrt_connect import Planner
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.rollout import Rollout
-from drpbench.rollout.batch import take
 
 SETTINGS = PlannerSettings(iterations=12, vias=7)
 PACE = 12  # control steps from one waypoint to the next
@@ -38,17 +37,11 @@ class Planned:
 
 def test_a_policy_may_plan_and_goes_round_what_is_in_the_way(spheres):
     assert isinstance(Planned(), Policy)
-    numbered = load("SE")
-    problems = take(numbered, PROBLEMS)
+    numbered = load_set().task("SE")
+    problems = numbered.take(PROBLEMS)
     for index, start, goal in zip(PROBLEMS, problems.start, problems.goal, strict=True):
-        there = numbered.mask[index]
-        spheres.set_obstacles(
-            numbered.kind[index][there],
-            numbered.half_size[index][there],
-            numbered.position[index][there],
-            numbered.quaternion[index][there],
-        )
+        spheres.set_obstacles(numbered.obstacles[index])
         assert not Planner(spheres, 0.0).straight(start.astype(float), goal.astype(float))
-    trace = Rollout(TASKS["SE"], Planned(), lanes=len(PROBLEMS)).run(problems)
+    trace = Rollout(World(TASKS["SE"]), Planned(), lanes=len(PROBLEMS)).run(problems)
     assert np.all(trace.clearance.min(axis=0) > 0.0)
     assert np.all(trace.position_error[-1] < 0.01)

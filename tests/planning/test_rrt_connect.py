@@ -13,7 +13,7 @@ SIDES = ((0, (0.01, 0.5, 0.8), (0.0, 0.65, 0.8)), (0, (0.01, 0.5, 0.8), (0.0, -0
 
 
 def test_a_path_leads_round_a_wall_and_keeps_its_clearance(spheres, obstacles):
-    spheres.set_obstacles(*obstacles(WALL))
+    spheres.set_obstacles(obstacles(WALL))
     planner, rng = Planner(spheres, 0.006), np.random.default_rng(0)
     assert not planner.straight(LEFT, RIGHT)
     path = planner.plan(rng, LEFT, RIGHT, 20_000)
@@ -26,13 +26,13 @@ def test_a_path_leads_round_a_wall_and_keeps_its_clearance(spheres, obstacles):
 
 
 def test_the_straight_line_is_taken_where_it_is_free(spheres, obstacles):
-    spheres.set_obstacles(*obstacles())
+    spheres.set_obstacles(obstacles())
     path = Planner(spheres, 0.006).plan(np.random.default_rng(0), LEFT, RIGHT, 20_000)
     assert np.array_equal(path, [LEFT, RIGHT])
 
 
 def test_without_a_way_the_search_ends_at_its_number_of_checks(spheres, obstacles):
-    spheres.set_obstacles(*obstacles(*SIDES))
+    spheres.set_obstacles(obstacles(*SIDES))
     ahead = np.array([0.0, 0.4, 0.0, -2.2, 0.0, 2.6, 0.8])
     behind = ahead + [2.8, 0, 0, 0, 0, 0, 0]
     assert spheres.free(ahead, 0.006) and spheres.free(behind, 0.006)

@@ -21,9 +21,9 @@ from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.host import Failed, Hosted, answered
 from drpbench.plugins.registry import choose
 from drpbench.policies import DcpRmp, Straight
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.robot import PANDA
-from drpbench.rollout import Rollout, take
+from drpbench.rollout import Rollout
 from drpbench.rollout.batch import begin
 from drpbench.rollout.host import apply, show
 
@@ -70,8 +70,8 @@ def play():
     """Runs a host policy on problems; it is compiled once for all of them."""
 
     def run(policy, ids=IDS):
-        problems = load("FDO")
-        trace = Rollout(WORLD, policy, lanes=LANES).run(take(problems, ids))
+        problems = load_set().task("FDO")
+        trace = Rollout(WORLD, policy, lanes=LANES).run(problems.take(ids))
         return trace, rows(ids, [problems.family[id] for id in ids], trace)
 
     return run
@@ -106,7 +106,7 @@ def test_a_host_policy_sees_the_real_instances_at_every_step(sound):
             assert array.shape == (3, *shape)
             assert array.dtype == (bool if name == "scene_mask" else np.float32)
         assert observation.obstacles is None
-    problems = load("FDO")
+    problems = load_set().task("FDO")
     np.testing.assert_array_equal(seen[0].joint_position, problems.start[IDS])
     np.testing.assert_array_equal(seen[0].goal_joints, problems.goal[IDS])
     for step in (1, 17, STEPS - 1):
@@ -115,7 +115,7 @@ def test_a_host_policy_sees_the_real_instances_at_every_step(sound):
 
 def test_host_and_jax_policies_go_the_same_way_under_dcp_rmp(sound):
     trace, _, seen = sound
-    jitted = Rollout(WORLD, DcpRmp(Straight()), lanes=LANES).run(take(load("FDO"), IDS))
+    jitted = Rollout(WORLD, DcpRmp(Straight()), lanes=LANES).run(load_set().task("FDO").take(IDS))
     for name in ("joint_position", "grip_position", "clearance", "mover_position"):
         # Later on DCP-RMP turns to another sphere a step sooner or later, and rounding is
         # amplified.
@@ -123,7 +123,7 @@ def test_host_and_jax_policies_go_the_same_way_under_dcp_rmp(sound):
             getattr(trace, name)[:25], getattr(jitted, name)[:25], atol=1e-5, err_msg=name
         )
     # By then DCP-RMP has shown another goal, to the one arm that a box comes close to.
-    away = np.abs(seen[25].goal_joints - load("FDO").goal[IDS]).max(axis=1)
+    away = np.abs(seen[25].goal_joints - load_set().task("FDO").goal[IDS]).max(axis=1)
     assert away[1] > 0.1 and (away[[0, 2]] == 0.0).all()
 
 
@@ -142,7 +142,7 @@ def test_what_is_handed_out_is_not_the_worlds_memory(play, sound):
     assert found == sound[1]
     np.testing.assert_array_equal(trace.joint_position, sound[0].joint_position)
     # PyTorch writes on JAX's own memory: none of it may belong to the world, or be there twice.
-    batch = jax.tree.map(jnp.asarray, take(load("FDO"), [0, 1, 2, 3]))
+    batch = jax.tree.map(jnp.asarray, load_set().task("FDO").take([0, 1, 2, 3]))
     shown = hosted(Blind(), Blind).shown
     state, carry, _ = begin(WORLD, shown, 0, batch)
     for clock in range(2):

@@ -11,23 +11,27 @@ import pytest
 from drpbench.generation import certificate
 from drpbench.generation.composition import COMPOSITION, group_of
 from drpbench.geometry import quaternion_to_matrix
-from drpbench.problems import PROBLEM_SET, TASKS, ProblemSetError, counts, frozen, load
+from drpbench.problems import (
+    PROBLEM_SET,
+    ProblemSetError,
+    frozen,
+    load_set,
+    matching,
+    to_json,
+)
+from drpbench.robot import PANDA
 
 COUNTS = {"SE": 3200, "SAO": 300, "FDO": 200, "GB": 200, "DGB": 400}
-
-
-def scene(problems, index):
-    there = problems.mask[index]
-    names = ("kind", "half_size", "position", "quaternion")
-    return [getattr(problems, name)[index][there] for name in names]
+TASKS = tuple(COUNTS)
 
 
 def test_counts_are_the_benchmarks():
-    assert counts() == COUNTS
+    benchmark = load_set()
+    assert benchmark.name == PROBLEM_SET and len(benchmark.sha256) == 64
+    assert benchmark.counts == COUNTS and benchmark.tasks == TASKS == tuple(COMPOSITION)
     for task in TASKS:
-        problems = load(task)
+        problems = benchmark.task(task)
         assert problems.count == COUNTS[task] == len(problems.witness) == len(problems.start)
-        assert problems.name == PROBLEM_SET and len(problems.sha256) == 64
         named = list(zip(problems.family, problems.pair, problems.level.tolist(), strict=True))
         assert named[:32] == [
             (g.family, g.pair, g.level) for g in (group_of(task, i) for i in range(32))
@@ -38,24 +42,25 @@ def test_counts_are_the_benchmarks():
 
 @pytest.mark.parametrize("task", TASKS)
 def test_arrays_are_padded_and_finite(task):
-    problems = load(task)
-    n, width = problems.mask.shape
+    problems = load_set().task(task)
+    obstacles = problems.obstacles
+    n, width = obstacles.mask.shape
     assert width <= 24
     for name, tail in (("half_size", 3), ("position", 3), ("quaternion", 4)):
-        array = getattr(problems, name)
+        array = getattr(obstacles, name)
         assert array.shape == (n, width, tail) and array.dtype == np.float32
         assert np.all(np.isfinite(array))
-    assert problems.kind.dtype == np.int32 and set(np.unique(problems.kind)) <= {0, 1, 2}
-    assert np.all(problems.half_size > 0)
-    np.testing.assert_allclose(np.linalg.norm(problems.quaternion, axis=-1), 1, atol=1e-6)
-    assert np.all(problems.mask[:, 0]), "the table comes first"
-    top = problems.position[:, 0, 2] + problems.half_size[:, 0, 2]
+    assert obstacles.kind.dtype == np.int32 and set(np.unique(obstacles.kind)) <= {0, 1, 2}
+    assert np.all(obstacles.half_size > 0)
+    np.testing.assert_allclose(np.linalg.norm(obstacles.quaternion, axis=-1), 1, atol=1e-6)
+    assert np.all(obstacles.mask[:, 0]), "the table comes first"
+    top = obstacles.position[:, 0, 2] + obstacles.half_size[:, 0, 2]
     assert np.all(top == 0.0)
 
 
 @pytest.mark.parametrize("task", TASKS)
 def test_goals_are_poses_and_standing_still_is_no_solution(task, spheres):
-    problems = load(task)
+    problems = load_set().task(task)
     for index in range(0, problems.count, max(1, problems.count // 200)):
         position, matrix = spheres.grip_pose(problems.goal[index].astype(float))
         np.testing.assert_allclose(problems.goal_position[index], position, atol=1e-6)
@@ -71,10 +76,10 @@ def test_goals_are_poses_and_standing_still_is_no_solution(task, spheres):
 
 @pytest.mark.parametrize("task", TASKS)
 def test_witnesses_of_a_sample_hold_by_spheres_and_by_meshes(task, spheres, meshes):
-    problems = load(task)
+    problems = load_set().task(task)
     for index in np.random.default_rng(11).choice(problems.count, 40, replace=False):
         for checker in (spheres, meshes):
-            checker.set_obstacles(*scene(problems, index))
+            checker.set_obstacles(problems.obstacles[index])
         proof = certificate.certify(
             problems.witness[index],
             problems.start[index].astype(float),
@@ -89,9 +94,9 @@ def test_witnesses_of_a_sample_hold_by_spheres_and_by_meshes(task, spheres, mesh
 def test_the_straight_line_fails_most_static_problems_but_not_all(spheres):
     from drpbench.planning.rrt_connect import Planner
 
-    problems, free = load("SE"), []
+    problems, free = load_set().task("SE"), []
     for index in range(160):
-        spheres.set_obstacles(*scene(problems, index))
+        spheres.set_obstacles(problems.obstacles[index])
         ends = problems.start[index].astype(float), problems.goal[index].astype(float)
         free.append(Planner(spheres, 0.0).straight(*ends))
     assert 0.05 < np.mean(free) < 0.35
@@ -99,17 +104,20 @@ def test_the_straight_line_fails_most_static_problems_but_not_all(spheres):
 
 @pytest.mark.parametrize("task", TASKS)
 def test_the_export_reads_back_to_the_same_problem(task):
-    problems = load(task)
+    problems = load_set().task(task)
     for index in (0, 7, problems.count - 1):
-        entry = json.loads(json.dumps(problems.to_json(index)))
+        entry = json.loads(json.dumps(to_json(problems, index)))
         assert list(entry) == [
-            *("id", "task", "family", "pair", "level", "start", "goal", "obstacles", "witness")
+            *("id", "task", "family", "pair", "level", "start", "goal"),
+            *("goal_position", "goal_quaternion", "obstacles", "witness"),
         ]
         assert (entry["id"], entry["task"]) == (index, task)
         assert np.array_equal(np.float32(entry["start"]), problems.start[index])
         assert np.array_equal(np.float32(entry["goal"]), problems.goal[index])
         assert np.array_equal(np.float32(entry["witness"]), problems.witness[index])
-        kinds, halves, positions, quaternions = scene(problems, index)
+        there = problems.obstacles[index].present()
+        kinds, halves = there.kind, there.half_size
+        positions, quaternions = there.position, there.quaternion
         assert len(entry["obstacles"]) == len(kinds)
         for i, obstacle in enumerate(entry["obstacles"]):
             assert obstacle["shape"] == ("box", "cylinder", "sphere")[kinds[i]]
@@ -126,21 +134,38 @@ def test_the_export_reads_back_to_the_same_problem(task):
 
 
 def test_a_number_beyond_the_set_is_named():
-    with pytest.raises(ProblemSetError, match="FDO has problems 0 to 199, and no number 200"):
-        load("FDO").to_json(200)
+    with pytest.raises(ProblemSetError, match="no problem 200 in FDO; ids go from 0 to 199"):
+        to_json(load_set().task("FDO"), 200)
 
 
 def test_unknown_tasks_and_sets_list_what_there_is():
-    with pytest.raises(ProblemSetError, match="no task 'XYZ'; the tasks are SE, SAO, FDO, GB, DGB"):
-        load("XYZ")
-    with pytest.raises(ProblemSetError, match="no problem set 'v9'; those installed: drpbench-v1"):
-        load("SE", name="v9")
+    with pytest.raises(
+        ProblemSetError, match="no task 'XYZ' in drpbench-v1; its tasks are SE, SAO, FDO, GB, DGB"
+    ):
+        load_set().task("XYZ")
+    with pytest.raises(ProblemSetError, match=r"no problem set 'v9', .*\(drpbench-v1\)"):
+        load_set("v9")
+
+
+def test_the_set_is_for_the_panda_on_a_table():
+    benchmark = load_set()
+    assert benchmark.robot is PANDA and benchmark.ground
+
+
+def test_a_set_is_found_by_name_and_checksum_and_no_other_one_is():
+    benchmark = load_set()
+    assert matching(benchmark.name, benchmark.sha256) is benchmark
+    with pytest.raises(ProblemSetError, match="mine does not come .* --problems-from"):
+        matching("mine", benchmark.sha256)
+    for given in (None, benchmark):
+        with pytest.raises(ProblemSetError, match="checksum 000000000000.*; the problems here are"):
+            matching(benchmark.name, "0" * 64, given)
 
 
 def test_damaged_data_are_refused_in_one_line(tmp_path):
     for ending in ("npz", "json"):
         shutil.copy(frozen.DATA / f"{PROBLEM_SET}.{ending}", tmp_path)
-    assert load("SE", folder=tmp_path).count == COUNTS["SE"]
+    assert load_set(folder=tmp_path).counts == COUNTS
     content = bytearray((tmp_path / f"{PROBLEM_SET}.npz").read_bytes())
     content[len(content) // 2] ^= 1
     damaged = tmp_path / "damaged"
@@ -148,21 +173,22 @@ def test_damaged_data_are_refused_in_one_line(tmp_path):
     (damaged / f"{PROBLEM_SET}.npz").write_bytes(content)
     shutil.copy(tmp_path / f"{PROBLEM_SET}.json", damaged)
     with pytest.raises(ProblemSetError, match="is damaged: its checksum is") as error:
-        load("SE", folder=damaged)
+        load_set(folder=damaged)
     assert "\n" not in str(error.value)
     (damaged / f"{PROBLEM_SET}.json").write_text('{"tasks": ')
     with pytest.raises(ProblemSetError, match="not the manifest"):
-        counts(folder=damaged)
+        load_set(folder=damaged)
 
 
 def test_the_data_are_small():
     assert (frozen.DATA / f"{PROBLEM_SET}.npz").stat().st_size < 6e6
 
 
-def test_importing_the_room_loads_no_simulator():
+def test_loading_a_set_starts_no_simulator_and_no_device():
     code = (
-        "import sys, drpbench.problems as p; p.load('FDO');"
-        "print([m for m in ('jax', 'mujoco', 'mink') if m in sys.modules])"
+        "import sys, drpbench.problems as p; p.load_set();"
+        "from jax._src import xla_bridge;"
+        "print([m for m in ('mujoco', 'mink') if m in sys.modules], xla_bridge.backends_are_initialized())"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert shown.stdout.strip() == "[]"
+    assert shown.stdout.strip() == "[] False"

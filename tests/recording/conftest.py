@@ -9,11 +9,11 @@ from drpbench.evaluation.metrics import rows
 from drpbench.evaluation.run import versions
 from drpbench.plugins.registry import parameters
 from drpbench.policies import DcpRmp, Straight
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.recording import traced
 from drpbench.results import Header, Result
 from drpbench.results.trajectories import Trajectories
-from drpbench.rollout import Rollout, take
+from drpbench.rollout import Rollout
 
 IDS = [3, 17, 150]
 SEED = 5
@@ -23,8 +23,8 @@ SEED = 5
 def rolled():
     """The blind straight line under DCP-RMP on three problems of FDO: ids, trace, rows,
     episodes."""
-    policy, problems = DcpRmp(Straight()), load("FDO")
-    trace = Rollout(World(TASKS["FDO"]), policy, SEED, lanes=len(IDS)).run(take(problems, IDS))
+    policy, problems = DcpRmp(Straight()), load_set().task("FDO")
+    trace = Rollout(World(TASKS["FDO"]), policy, SEED, lanes=len(IDS)).run(problems.take(IDS))
     return SimpleNamespace(
         ids=IDS,
         seed=SEED,
@@ -44,8 +44,8 @@ def header(rolled):
         "policy_parameters": parameters(rolled.policy),
         "privileged": False,
         "tasks": ["FDO"],
-        "problem_set": rolled.problems.name,
-        "problem_set_sha256": rolled.problems.sha256,
+        "problem_set": load_set().name,
+        "problem_set_sha256": load_set().sha256,
         "seed": rolled.seed,
         "precision": "float32",
         "device": "a processor",

@@ -91,14 +91,18 @@ def test_boxes_vanish_when_the_task_removes_them(files, rolled):
 
 def test_the_static_scene_has_every_primitive(files, rolled):
     for (found, _), id in zip(files, rolled.ids, strict=True):
-        (_, message), there = found["/scene"][0], rolled.problems.mask[id]
+        (_, message), there = found["/scene"][0], rolled.problems.obstacles.mask[id]
         solids = [s for e in message.entities for s in (*e.cubes, *e.cylinders, *e.spheres)]
         centers = np.array(
             [[s.pose.position.x, s.pose.position.y, s.pose.position.z] for s in solids]
         )
-        np.testing.assert_allclose(centers, rolled.problems.position[id][there], rtol=1e-6)
+        np.testing.assert_allclose(
+            centers, rolled.problems.obstacles.position[id][there], rtol=1e-6
+        )
         sizes = np.array([[s.size.x, s.size.y, s.size.z] for s in solids])
-        np.testing.assert_allclose(sizes, 2 * rolled.problems.half_size[id][there], rtol=1e-6)
+        np.testing.assert_allclose(
+            sizes, 2 * rolled.problems.obstacles.half_size[id][there], rtol=1e-6
+        )
 
 
 def test_a_contact_is_red_marked_and_logged_for_as_long_as_it_lasts(files, rolled):

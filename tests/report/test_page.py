@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from drpbench.cli.app import app
 from drpbench.leaderboard import build, load_dir, wilson
-from drpbench.problems import counts
+from drpbench.problems import load_set
 from drpbench.recording import RecordingError, Replay
 from drpbench.recording.container import MAGIC
 from drpbench.report.figures import (
@@ -92,7 +92,7 @@ def shipped():
 
 
 def test_the_figures_of_the_shipped_results_are_their_rows_counted_one_by_one(shipped):
-    drawn = figures(build(shipped, counts()), shipped, PurePath("x"), {}, {})
+    drawn = figures(build(shipped, load_set().counts), shipped, PurePath("x"), {}, {})
     assert sum(c["n"] for c in drawn["cells"]) == sum(
         r.valid for f in shipped.values() for r in f.rows
     )
@@ -443,7 +443,7 @@ def test_a_page_without_pictures_shows_no_gallery(browser, tmp_path):
 
 def test_a_phone_in_the_dark_sees_every_section_and_scrolls_only_tables(browser, tmp_path, shipped):
     browser.screen(390, 844, dark=True)
-    opened(browser, tmp_path / "report.html", shipped, counts())
+    opened(browser, tmp_path / "report.html", shipped, load_set().counts)
     assert browser.js("document.documentElement.scrollWidth") <= 390
     assert browser.js("getComputedStyle(document.body).backgroundColor") == "rgb(20, 23, 27)"
     assert browser.js("[...document.querySelectorAll('section')].every(s => s.clientHeight > 60)")

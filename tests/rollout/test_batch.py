@@ -12,8 +12,8 @@ from drpbench.contract import Episode
 from drpbench.envs import TASKS, World
 from drpbench.evaluation.metrics import rows
 from drpbench.policies import DcpRmp, Straight
-from drpbench.problems import load
-from drpbench.rollout import LANES, Rollout, Trace, instance_key, take
+from drpbench.problems import load_set
+from drpbench.rollout import LANES, Rollout, Trace, instance_key
 
 from ..scenes import bodies
 
@@ -51,14 +51,14 @@ def floating():
 
 @pytest.fixture(scope="module")
 def problems():
-    return load("FDO")
+    return load_set().task("FDO")
 
 
 @pytest.fixture(scope="module")
 def of_64(floating, problems):
     """The trace of problems 0 to 63, and what was told of its progress."""
     told = []
-    return floating.run(take(problems, range(64)), told.append), told
+    return floating.run(problems.take(range(64)), told.append), told
 
 
 def verdicts(problems, ids, trace):
@@ -92,7 +92,7 @@ def test_64_problems_tell_good_from_bad(of_64, problems):
 )
 def test_episodes_are_the_same_to_the_bit_in_any_batch(floating, problems, of_64, ids):
     whole, traces = of_64[0], len(floating.policy.traces)
-    part = floating.run(take(problems, ids))
+    part = floating.run(problems.take(ids))
     assert len(floating.policy.traces) == traces > 0  # nothing compiled again
     assert part.failure == whole.failure == ""
     for name in ARRAYS:
@@ -126,7 +126,7 @@ def test_a_trace_holds_every_step_of_every_problem(of_64, problems):
 def test_a_batch_is_neither_empty_nor_larger_than_its_lanes(floating, problems):
     for ids in ([], range(LANES + 1)):
         with pytest.raises(ValueError, match=f"{len(ids)} problems for {LANES} lanes"):
-            floating.run(take(problems, ids))
+            floating.run(problems.take(ids))
 
 
 def test_an_instances_randomness_is_its_own():
@@ -147,12 +147,12 @@ def test_an_instances_randomness_is_its_own():
 
 def test_taken_problems_are_those_of_the_set(problems):
     ids = [150, 3, 77]
-    taken = take(problems, ids)
+    taken = problems.take(ids)
     np.testing.assert_array_equal(taken.id, ids)
     for name in ("level", "start", "goal", "goal_position", "goal_quaternion"):
         np.testing.assert_array_equal(getattr(taken, name), getattr(problems, name)[ids])
     for name in ("kind", "half_size", "position", "mask"):
         np.testing.assert_array_equal(getattr(taken.obstacles, name), getattr(problems, name)[ids])
-    quaternion = problems.quaternion[ids].reshape(-1, 4)[:, [1, 2, 3, 0]]
+    quaternion = problems.obstacles.quaternion[ids].reshape(-1, 4)[:, [1, 2, 3, 0]]
     expected = Rotation.from_quat(quaternion).as_matrix().reshape(taken.obstacles.rotation.shape)
     np.testing.assert_allclose(taken.obstacles.rotation, expected, atol=1e-6)

@@ -14,8 +14,8 @@ import pytest
 
 from drpbench.compile import jit
 from drpbench.envs import TASKS, World
-from drpbench.problems import load
-from drpbench.rollout import instance_key, take
+from drpbench.problems import load_set
+from drpbench.rollout import instance_key
 
 pytestmark = pytest.mark.slow
 
@@ -26,7 +26,7 @@ IDS = [0, 1, 5]
 def digest(task: str) -> dict:
     """Random keys as a hash, exact; what is computed in floating point as sums, to be compared
     closely."""
-    problems = take(load(task), IDS)
+    problems = load_set().task(task).take(IDS)
     world = World(TASKS[task])
 
     def begin(problem):

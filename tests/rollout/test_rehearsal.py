@@ -8,8 +8,8 @@ import pytest
 from drpbench.contract import EPISODE
 from drpbench.envs import TASKS, State, World
 from drpbench.policies import Straight
-from drpbench.problems import load
-from drpbench.rollout import Rollout, take
+from drpbench.problems import load_set
+from drpbench.rollout import Rollout
 from drpbench.rollout.batch import begin, device_pass, silent
 from drpbench.rollout.rehearsal import Rehearsal, second_pass
 
@@ -23,7 +23,7 @@ def passes():
     """Both passes of the blind straight line on eight problems, and what
     was told of the progress."""
     world, policy, told = World(TASKS["SAO"]), Straight(), []
-    problems = take(load("SAO"), IDS)
+    problems = load_set().task("SAO").take(IDS)
     trace = Rollout(world, policy, lanes=len(IDS)).run(problems, told.append)
     state, carry, _ = begin(world, policy, 0, jax.tree.map(jnp.asarray, problems))
     first, _ = device_pass(world, policy, 0, state, carry, silent)
@@ -65,7 +65,7 @@ def test_the_blind_policy_goes_the_same_way_and_hits_the_box(passes):
 def test_an_episode_that_is_stepped_rehearses_alike(passes):
     """`Rehearsal`, told step by step, makes of the path what `second_pass` makes of all of it."""
     first, world = passes[0], World(TASKS["SAO"])
-    problems = jax.tree.map(jnp.asarray, take(load("SAO"), IDS))
+    problems = jax.tree.map(jnp.asarray, load_set().task("SAO").take(IDS))
     state, _, _ = begin(world, Straight(), 0, problems)
     rehearsal = Rehearsal(world, state)
     for grip in first.grip_position[:7]:

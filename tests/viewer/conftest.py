@@ -4,7 +4,7 @@ import pytest
 
 from drpbench.envs import TASKS, World
 from drpbench.policies import DcpRmp, Straight
-from drpbench.problems import load
+from drpbench.problems import load_set
 from drpbench.viewer import Simulation
 
 FURNISHED = 23  # a problem of FDO with a cardboard box on the table
@@ -12,7 +12,7 @@ FURNISHED = 23  # a problem of FDO with a cardboard box on the table
 
 @pytest.fixture(scope="session")
 def compiled():
-    simulation = Simulation(World(TASKS["FDO"]), DcpRmp(Straight()), load("FDO"))
+    simulation = Simulation(World(TASKS["FDO"]), DcpRmp(Straight()), load_set().task("FDO"))
     list(simulation.compile(FURNISHED))
     return simulation
 

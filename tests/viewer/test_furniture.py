@@ -8,8 +8,8 @@ import pytest
 from drpbench.compile import jit
 from drpbench.envs import TASKS, World
 from drpbench.geometry import signed_distance
-from drpbench.problems import load
-from drpbench.rollout import instance_key, take
+from drpbench.problems import load_set
+from drpbench.rollout import instance_key
 from drpbench.viewer.furniture import SHARE, SPARE, Furniture, with_room
 
 pytestmark = pytest.mark.slow
@@ -20,7 +20,7 @@ TASK = "GB"  # of its problems the odd ones are furnished
 
 @pytest.fixture(scope="module")
 def scene():
-    problem = jax.tree.map(lambda leaf: np.asarray(leaf)[0, ...], take(load(TASK), [ID]))
+    problem = jax.tree.map(lambda leaf: np.asarray(leaf)[0, ...], load_set().task(TASK).take([ID]))
     key = instance_key(0, TASK, ID, 0)
     reset = jit(World(TASKS[TASK]).reset)
     return problem, reset(problem, key), reset(with_room(problem), key), key

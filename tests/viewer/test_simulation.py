@@ -12,7 +12,7 @@ from drpbench.geometry import quaternion_to_matrix
 from drpbench.leaderboard import load_dir
 from drpbench.plugins.host import Hosted
 from drpbench.policies import Straight
-from drpbench.problems import ProblemSetError, load
+from drpbench.problems import ProblemSetError, load_set
 from drpbench.results.shipped import shipped_results
 from drpbench.robot import PANDA
 from drpbench.viewer import Simulation
@@ -57,7 +57,7 @@ def test_an_untouched_episode_ends_as_in_a_run(compiled):
 
 
 def test_a_task_with_a_rehearsal_ends_as_in_a_run():
-    simulation = Simulation(World(TASKS["SAO"]), Straight(), load("SAO"))
+    simulation = Simulation(World(TASKS["SAO"]), Straight(), load_set().task("SAO"))
     ids = [0, 2, 3]
     found = judged("straight", "SAO", ids)
     assert {row.collided for row in found} == {True, False}
@@ -184,7 +184,7 @@ class Creep:
 
 
 def test_a_host_policy_drives_the_arm_and_its_failure_is_told(capsys):
-    simulation = Simulation(World(TASKS["SE"]), Hosted(Creep(), Creep), load("SE"))
+    simulation = Simulation(World(TASKS["SE"]), Hosted(Creep(), Creep), load_set().task("SE"))
     simulation.open(3)
     for _ in range(20):
         simulation.step()

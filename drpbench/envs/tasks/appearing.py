@@ -40,6 +40,7 @@ class Appearing:
     movers: int = 1
     rehearsed: bool = True
     starts_at_goal: bool = False
+    conditional: bool = False
 
     def reset(
         self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode

@@ -38,6 +38,7 @@ class Floating:
     movers: int = 3
     rehearsed: bool = False
     starts_at_goal: bool = False
+    conditional: bool = False
 
     def reset(
         self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode

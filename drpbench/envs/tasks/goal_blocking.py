@@ -38,6 +38,7 @@ class GoalBlocking:
     movers: int = 1
     rehearsed: bool = False
     starts_at_goal: bool = False
+    conditional: bool = True
 
     def reset(
         self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode

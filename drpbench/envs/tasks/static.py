@@ -18,6 +18,7 @@ class Static:
     movers: int = 0
     rehearsed: bool = False
     starts_at_goal: bool = False
+    conditional: bool = False
 
     def reset(
         self, problem: Problem, arm: Arm, key: PRNGKeyArray, episode: Episode

@@ -24,6 +24,11 @@ class Task(Protocol):
     def name(self) -> str: ...
 
     @property
+    def conditional(self) -> bool:
+        """Whether an episode may turn out to be no instance of the task, see `valid`."""
+        ...
+
+    @property
     def starts_at_goal(self) -> bool:
         """Whether the arm begins at its goal."""
         ...

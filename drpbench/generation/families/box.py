@@ -48,7 +48,9 @@ def build(rng: np.random.Generator, items: int = 3, compact: bool = False) -> sc
     return scene.Furniture(tuple(parts), (inside, inside, *beside), size)
 
 
-def flaps(rng, depth: float, width: float, height: float) -> list[scene.Primitive]:
+def flaps(
+    rng: np.random.Generator, depth: float, width: float, height: float
+) -> list[scene.Primitive]:
     """Four flaps hinged on the upper rim, leaning outward by 20 to 60 degrees from upright."""
     length, thickness = rng.uniform(0.10, 0.15), 0.006
     parts = []
@@ -79,7 +81,8 @@ def draw(rng: np.random.Generator) -> scene.Scene:
         return scene.compose(
             "box", (piece.placed(position, yaw),), placement.around(piece.size, position, yaw)
         )
-    placed, free = [], []
+    placed: list[scene.Furniture] = []
+    free: list[scene.HandRegion] = []
     middle = rng.uniform(-0.25, 0.25)
     for side in (1, -1):
         piece = build(rng, compact=True)

@@ -22,7 +22,8 @@ def build(rng: np.random.Generator, items: int = 1) -> scene.Furniture:
     frame = zip(corners, corners[1:] + corners[:1], strict=True)
     parts += [scene.bar(post, (*a, height), (*b, height)) for a, b in frame]
 
-    def row(a, b, count):  # upright bars at equal distances between two corners
+    def row(a: tuple[float, float], b: tuple[float, float], count: int) -> list[scene.Primitive]:
+        """Upright bars at equal distances between two corners."""
         steps = np.linspace(0, 1, count + 2)[1:-1]
         points = [(1 - s) * np.array(a) + s * np.array(b) for s in steps]
         return [scene.bar(thin, (*p, plate), (*p, height)) for p in points]

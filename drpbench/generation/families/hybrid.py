@@ -16,7 +16,8 @@ def beside(rng: np.random.Generator) -> tuple[list[scene.Furniture], list[scene.
         lambda: microwave.build(rng, items=0, compact=True),
         lambda: shelf.build(rng, items=3, compact=True),
     )
-    placed, free = [], []
+    placed: list[scene.Furniture] = []
+    free: list[scene.HandRegion] = []
     for side, maker in zip((1, -1), rng.permutation(len(makers))[:2], strict=True):
         piece = makers[maker]()
         distance = (0.34, 0.42) if maker == 0 else (0.40, 0.50)
@@ -45,13 +46,15 @@ def cluttered(rng: np.random.Generator) -> tuple[list[scene.Furniture], list[sce
         piece = cubby.build(rng, items=2, compact=True)
     position, yaw = placement.pose(rng, (0.44, 0.56), (-0.5, 0.5))
     half_angle = np.arctan2(piece.size[1] / 2, position[0]) + 0.25
-    objects, spots = [], []
+    objects: list[scene.Primitive] = []
+    spots: list[np.ndarray] = []
     for _ in range(int(rng.integers(6, 11))):
         bearing = yaw + rng.choice((-1, 1)) * (half_angle + rng.uniform(0.0, 0.9))
         spot = rng.uniform(0.35, 0.65) * np.array([np.cos(bearing), np.sin(bearing)])
         if all(np.linalg.norm(spot - other) > 0.15 for other in spots):
             spots.append(spot)
-            objects.append(placement.item(rng, *spot, 0.0, 0.14, 0.35))
+            x, y = spot
+            objects.append(placement.item(rng, x, y, 0.0, 0.14, 0.35))
     loose = scene.Furniture(tuple(objects), (), np.zeros(3))
     free = list(placement.around(piece.size, position, yaw))
     return [piece.placed(position, yaw), loose], free

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from drpbench.generation import scene
@@ -11,7 +13,13 @@ FORWARD_DOWN = np.array([1.0, 0.0, -0.7])
 ACROSS = np.array([0.0, 1.0, 0.0])
 
 
-def pose(rng, distance, bearing, height: float = 0.0, swivel: float = 0.15):
+def pose(
+    rng: np.random.Generator,
+    distance: tuple[float, float],
+    bearing: tuple[float, float],
+    height: float = 0.0,
+    swivel: float = 0.15,
+) -> tuple[np.ndarray, float]:
     """Position (3,) and yaw of furniture that faces the arm.
 
     `distance` and `bearing` are ranges of the front's distance [m] and direction [rad] from the
@@ -22,14 +30,14 @@ def pose(rng, distance, bearing, height: float = 0.0, swivel: float = 0.15):
     return position, b + rng.uniform(-swivel, swivel)
 
 
-def around(size, position, yaw: float) -> tuple[scene.HandRegion, ...]:
+def around(size: np.ndarray, position: np.ndarray, yaw: float) -> tuple[scene.HandRegion, ...]:
     """Open space about furniture of `size` (depth, width, height): left, right, above, before.
 
     Hands there come from anywhere within 60 degrees of forward and down.
     """
     depth, width, height = size
     floor = -position[2]  # the tabletop, in the furniture's frame
-    side = dict(approach=FORWARD_DOWN, wide=ACROSS, tilt=np.pi / 3, roll=np.pi)
+    side: dict[str, Any] = dict(approach=FORWARD_DOWN, wide=ACROSS, tilt=np.pi / 3, roll=np.pi)
     low, high = floor + 0.10, max(floor + 0.45, min(height, floor + 0.65))
     half = width / 2
     turn = rotation.axis_angle((0, 0, 1), yaw)
@@ -42,7 +50,7 @@ def around(size, position, yaw: float) -> tuple[scene.HandRegion, ...]:
     return tuple(scene.moved(r, position, turn) for r in regions)
 
 
-def close_beside(size, low: float = 0.06) -> tuple[scene.HandRegion, ...]:
+def close_beside(size: np.ndarray, low: float = 0.06) -> tuple[scene.HandRegion, ...]:
     """Just outside the left and right faces of furniture of `size`: a hand pointing down there."""
     depth, width, height = size
     high = max(low + 0.02, min(height - 0.05, 0.25))
@@ -63,7 +71,9 @@ def close_beside(size, low: float = 0.06) -> tuple[scene.HandRegion, ...]:
     return tuple(regions)
 
 
-def item(rng, x: float, y: float, z: float, width: float, height: float) -> scene.Primitive:
+def item(
+    rng: np.random.Generator, x: float, y: float, z: float, width: float, height: float
+) -> scene.Primitive:
     """A loose object at most `width` across and `height` tall, standing on the level `z` at (x, y).
 
     A box (a carton), a cylinder (a can, a bottle) or a sphere (a ball).
@@ -81,7 +91,9 @@ def item(rng, x: float, y: float, z: float, width: float, height: float) -> scen
     return scene.sphere(radius, (x, y, z + radius))
 
 
-def slots(rng, low: float, high: float, count: int) -> list[tuple[float, float]]:
+def slots(
+    rng: np.random.Generator, low: float, high: float, count: int
+) -> list[tuple[float, float]]:
     """`count` disjoint intervals (centre, width) that part [low, high] unevenly, left to right."""
     shares = rng.uniform(0.7, 1.3, count)
     edges = low + (high - low) * np.concatenate([[0.0], np.cumsum(shares) / shares.sum()])

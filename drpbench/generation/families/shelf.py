@@ -51,7 +51,9 @@ def build(rng: np.random.Generator, items: int = 9, compact: bool = False) -> sc
     return scene.Furniture(tuple(parts), tuple(tight), np.array([depth, width + 2 * board, height]))
 
 
-def things(rng, depth, y, floor, share, room) -> scene.Primitive:
+def things(
+    rng: np.random.Generator, depth: float, y: float, floor: float, share: float, room: float
+) -> scene.Primitive:
     """What stands in one place on a board: a block of upright books, or a single object."""
     if rng.uniform() < 0.4:
         tall, thick = rng.uniform(0.55, 0.8) * room, rng.uniform(0.5, 0.95) * share

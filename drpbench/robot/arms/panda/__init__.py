@@ -26,9 +26,13 @@ _HAND, _FOREARM, _UPPER_ARM = 0.28, np.hypot(0.384, 0.0825), np.hypot(0.316, 0.0
 _ACCELERATION_LIMIT = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])  # [rad/s^2]
 
 
-@cache
 def panda(finger_opening: float = FINGER_OPENING) -> Robot:
-    """The Panda, each finger `finger_opening` [m] from the middle."""
+    """The Panda, each finger `finger_opening` [m] from the middle: one value for each opening."""
+    return _panda(float(finger_opening))
+
+
+@cache
+def _panda(finger_opening: float) -> Robot:
     return Robot(
         name="panda",
         folder=Path(__file__).parent,

@@ -1,0 +1,64 @@
+"""The problems of one task of a set, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drpbench.contract import Problem
+from drpbench.errors import DrpbenchError
+from drpbench.geometry import Obstacles
+
+
+class ProblemSetError(DrpbenchError):
+    """The set, the task or the number asked for is not there, or the data are damaged."""
+
+
+@dataclass(frozen=True, eq=False)
+class TaskProblems:
+    """n problems, numbered from 0, for an arm of J joints. Lengths [m], joints [rad], quaternions wxyz.
+
+    Goal poses are those of the frame `grip`. `level` and `pair` are the task's and the generator's own:
+    0 and "" where there is none.
+    """
+
+    task: str
+    obstacles: Obstacles  # (n, K), padded to the most that a problem has
+    start: np.ndarray  # (n, J) float32
+    goal: np.ndarray  # (n, J) float32
+    goal_position: np.ndarray  # (n, 3) float32
+    goal_quaternion: np.ndarray  # (n, 4) float32
+    family: Sequence[str]
+    pair: Sequence[str]
+    level: np.ndarray  # (n,) int32
+    witness: Sequence[np.ndarray]
+    """One polyline (m, J) a problem, linear in joint space between its waypoints and free of collision in
+    the static scene; (0, J) where none is known."""
+
+    @property
+    def count(self) -> int:
+        """n, the number of problems."""
+        return len(self.start)
+
+    def require(self, ids: Sequence[int]) -> None:
+        """Raises ProblemSetError for a number that there is not."""
+        if outside := [id for id in ids if not 0 <= id < self.count]:
+            raise ProblemSetError(
+                f"there is no problem {outside[0]} in {self.task}; "
+                f"ids go from 0 to {self.count - 1}"
+            )
+
+    def take(self, ids: Sequence[int]) -> Problem:
+        """The numbered problems as a batch for the device."""
+        index = np.asarray(ids, int)
+        return Problem(
+            id=index.astype(np.int32),
+            level=self.level[index].astype(np.int32),
+            start=self.start[index].astype(np.float32),
+            goal=self.goal[index].astype(np.float32),
+            goal_position=self.goal_position[index].astype(np.float32),
+            goal_quaternion=self.goal_quaternion[index].astype(np.float32),
+            obstacles=self.obstacles[index].primitives(),
+        )
