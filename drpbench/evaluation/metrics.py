@@ -60,7 +60,8 @@ def _row(id: int, family: str, trace: Trace, verdict: Verdict, b: int) -> Row:
     robot, period = trace.world.robot, trace.world.episode.period
     finite, collided = bool(verdict.finite), bool(verdict.collided)
     errors = trace.position_error[:, b], trace.orientation_error[:, b]
-    at_goal, near_goal = reached(*errors), reached(*errors, REACH_POSITION_LOOSE)
+    at_goal = np.asarray(reached(*errors))
+    near_goal = np.asarray(reached(*errors, REACH_POSITION_LOOSE))
     reached_at_end = bool(verdict.reached)
     first = int(verdict.first_collision_step) if collided else None
     nearest = np.min(trace.clearance[:, b], initial=FAR, where=np.isfinite(trace.clearance[:, b]))

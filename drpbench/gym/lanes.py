@@ -115,7 +115,7 @@ def _step(
     world: World,
     state: State,
     verdict: Verdict,
-    targets: Float[Array, "lanes J"] | Float[np.ndarray, "lanes J"],
+    targets: Float[Array, "lanes J"],
     clock: Int[Array, ""],
 ) -> tuple[State, Verdict, Float[Array, "lanes 3"], Observation, Outcome]:
     def step(state: State, verdict: Verdict, target: jax.Array) -> tuple[Any, ...]:
