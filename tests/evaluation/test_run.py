@@ -1,10 +1,12 @@
 """A run is of the problem set it is given, and only that set makes sense of its rows."""
 
 import json
+import sys
 from dataclasses import replace
 
 import pytest
 
+from drpbench.cli import app as cli
 from drpbench.envs import TASKS, World
 from drpbench.evaluation import Request, run
 from drpbench.evaluation.progress import Silent
@@ -15,7 +17,7 @@ from drpbench.leaderboard.submission import assess, check
 from drpbench.perception import SurfaceCloud
 from drpbench.problems import ProblemSetError, load_set
 from drpbench.problems.lines import FORMAT
-from drpbench.results import ResultsError
+from drpbench.results import ResultsError, save
 from drpbench.results.shipped import shipped_results
 from drpbench.robot import PANDA
 from drpbench.robot.arms import arm
@@ -25,7 +27,7 @@ def write(path, **changes):
     """A set of two problems: the arm is at its goal, once in the open and once inside an obstacle."""
     home = PANDA.home.round(4).tolist()
     header = {"format": FORMAT, "name": "mine", "tasks": ["SE"]} | changes
-    ball = {"shape": "sphere", "radius": 0.1, "position": [0.5, 0.0, 0.5]}
+    ball = {"shape": "sphere", "radius": 0.1, "position": [0.31, 0.0, 0.5]}
     problem = {"task": "SE", "start": home, "goal": home, "obstacles": []}
     lines = [header, problem, problem | {"obstacles": [ball], "family": "ball"}]
     path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
@@ -33,8 +35,13 @@ def write(path, **changes):
 
 
 @pytest.fixture(scope="module")
-def mine(tmp_path_factory):
-    return write(tmp_path_factory.mktemp("sets") / "mine.jsonl")
+def file(tmp_path_factory):
+    return tmp_path_factory.mktemp("sets") / "mine.jsonl"
+
+
+@pytest.fixture(scope="module")
+def mine(file):
+    return write(file)
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +78,35 @@ def test_the_leaderboard_says_which_set_it_is_of(mine, result):
         assess({"x.json": result}, load_dir(shipped_results()))
     found = assess({"x.json": result}, {}, mine)
     assert found.missing == () and found.entry.overall.success.k == 1
+
+
+def test_commands_take_the_set_from_its_file(file, mine, result, tmp_path, monkeypatch, capsys):
+    save(result, tmp_path / "x.json")
+
+    def command(*arguments):
+        monkeypatch.setattr(sys, "argv", ["drpbench", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        shown = capsys.readouterr()
+        return ended.value.code or 0, shown.out, shown.err
+
+    code, shown, _ = command("leaderboard", tmp_path, "--problems-from", file)
+    assert code == 0 and "hold" in shown and "1/2" in shown
+    report = tmp_path / "report.html"
+    code, *_ = command("report", tmp_path, "--out", report, "--problems-from", file)
+    assert code == 0 and "mine" in report.read_text()
+    for arguments in (
+        ("leaderboard", tmp_path),
+        ("report", tmp_path, "--out", report),
+        ("verify", tmp_path / "x.json"),
+        ("referee", tmp_path / "x.json"),
+        ("replay", tmp_path / "x.json", "--id", 0),
+    ):
+        code, _, told = command(*arguments)
+        assert code == 2 and told.count("\n") == 1 and "drpbench: " in told
+        assert "--problems-from" in told or "--save-trajectories" in told
+    code, _, told = command("submit", tmp_path / "x.json")
+    assert code == 2 and "the leaderboard is of drpbench-v1" in told
 
 
 def test_what_the_set_has_not_is_refused_before_anything_runs(mine, tmp_path):

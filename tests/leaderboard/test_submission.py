@@ -101,8 +101,11 @@ def test_an_error_that_rounds_to_the_threshold_is_on_either_side(fdo):
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"problem_set": "drpbench-v0"}, "drpbench-v0; this drpbench has drpbench-v1"),
-        ({"problem_set_sha256": "0" * 64}, "on other problems than drpbench-v1's"),
+        ({"problem_set": "drpbench-v0"}, "the problem set drpbench-v0 does not come with drpbench"),
+        (
+            {"problem_set_sha256": "0" * 64},
+            "made on drpbench-v1 with checksum 0{12}...; the problems here",
+        ),
         ({"tasks": ["XYZ"], "problems": {"XYZ": None}}, "no task XYZ; the tasks are SE"),
         ({"problems": {"FDO": [200]}}, "no problem 200 in FDO; ids go from 0 to 199"),
     ],
