@@ -21,7 +21,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from drpbench.compile import stored
 from drpbench.contract import Observation, Scalar
-from drpbench.policies import obstacle_leaf, squared_distances
+from drpbench.policies import leaves, squared_distances
 from drpbench.robot import PANDA, Robot, point_jacobian
 
 _UNSEEN = 1.0e3  # [m]
@@ -67,8 +67,9 @@ class Rmp:
         distance, jacobian = self._nearest(observation)
         rate = jacobian @ qd
         closing = jax.nn.sigmoid(-rate / self.l_v)
+        push = leaves.push(self, distance, rate, closing)
         gate = jnp.square(jnp.maximum(1.0 - distance / self.r, 0.0))
-        push, weight = obstacle_leaf(self, distance, rate, closing, gate)
+        weight = leaves.metric(self, distance, closing, gate)
 
         away = observation.goal_joints - q
         length = jnp.linalg.norm(away)
