@@ -17,12 +17,13 @@ from dataclasses import dataclass, field
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from drpbench.compile import stored
 from drpbench.contract import Observation, Scalar
-from drpbench.policies import obstacle_leaf, squared_distances
-from drpbench.robot import PANDA, Robot, point_jacobian
+from drpbench.policies import leaves, squared_distances
+from drpbench.robot import PANDA, Robot
 
 _UNSEEN = 1.0e3  # [m]
 
@@ -67,8 +68,9 @@ class Rmp:
         distance, jacobian = self._nearest(observation)
         rate = jacobian @ qd
         closing = jax.nn.sigmoid(-rate / self.l_v)
+        push = leaves.push(self, distance, rate, closing)
         gate = jnp.square(jnp.maximum(1.0 - distance / self.r, 0.0))
-        push, weight = obstacle_leaf(self, distance, rate, closing, gate)
+        weight = leaves.metric(self, distance, closing, gate)
 
         away = observation.goal_joints - q
         length = jnp.linalg.norm(away)
@@ -101,8 +103,10 @@ class Rmp:
         outward = point - scene[jnp.argmin(stored(squared_distances(point, scene)), axis=1)]
         normal = outward / jnp.maximum(jnp.linalg.norm(outward, axis=-1, keepdims=True), 1e-6)
 
-        moves = jax.vmap(point_jacobian, in_axes=(None, 0, 0))(
-            poses, point, jnp.asarray(model.frames)
-        )
-        jacobian = jnp.sum(jnp.swapaxes(moves, 1, 2) * normal[:, None], axis=-1)
+        # n^T `point_jacobian`, with the joints beyond the frame left out last: the rounding that the shipped
+        # results were made with.
+        columns = jnp.cross(poses.axes[None], point[:, None] - poses.origins[None])
+        joints = self.robot.joints
+        moves = np.arange(1, joints + 1)[None] <= np.minimum(model.frames, joints)[:, None]
+        jacobian = jnp.where(moves, jnp.sum(columns * normal[:, None], axis=-1), 0.0)
         return jnp.maximum(clearance[closest] - self.point_radius, 0.0), jacobian

@@ -13,11 +13,9 @@ from drpbench.robot import PANDA, Robot
 SCENE_POINTS = 2048
 ROBOT_POINTS = 256
 
-# Wide enough to hold all that happens; they are no scales to normalise by.
-_PANDA_JOINTS, _BEYOND = (
-    5.0,
-    1.3,
-)  # [rad]; contact pushes a joint past its limit, against stiff stops
+# Wide enough to hold all that happens; they are no scales to normalise by. Contact pushes a joint past its
+# limit, against stiff stops.
+_JOINTS, _PAST_LIMIT = 5.0, 1.3  # [rad] at least; times the largest limit
 _SPEED = 100.0  # [rad/s]
 _ROOM = 5.0  # [m]
 _UNIT = 1.001  # a unit quaternion's components, rounded
@@ -75,7 +73,7 @@ def observation_spec(
     """
     real, truth = np.dtype(np.float32), np.dtype(np.bool_)
     limits = np.abs([robot.joint_lower, robot.joint_upper])
-    joints = max(_PANDA_JOINTS, _BEYOND * float(limits.max()))
+    joints = max(_JOINTS, _PAST_LIMIT * float(limits.max()))
     j, n, r = (robot.joints,), (scene_points,), (robot_points,)
     return {
         "joint_position": ArraySpec(j, real, joints, "rad", "where the joints are"),

@@ -1,8 +1,8 @@
 """The two floors, DCP-RMP, and the networks."""
 
+from . import leaves as leaves
 from .dcp_rmp import DcpRmp as DcpRmp
 from .dcp_rmp import Reaction as Reaction
 from .dynamic_points import squared_distances as squared_distances
 from .floors import Hold as Hold
 from .floors import Straight as Straight
-from .leaves import obstacle_leaf as obstacle_leaf

@@ -36,7 +36,7 @@ from drpbench.geometry import matrix_to_quaternion
 from drpbench.robot import PANDA, Robot, point_jacobian
 
 from .dynamic_points import is_dynamic, near_arm, squared_distances, velocity
-from .leaves import obstacle_leaf
+from .leaves import metric, push
 
 _STILL = 5e-4  # [m] a point that moved less since the last frame is static
 _APPEARED = 0.02  # [m] a point that would have moved more has just appeared
@@ -206,8 +206,9 @@ def integrate(
         j_r = 2.0 * offset @ jacobian
         xd_r = j_r @ v - 2.0 * offset @ v_obs
         closing = 1.0 - 1.0 / (1.0 + jnp.exp(jnp.clip(-xd_r / c.l_v, -50.0, 50.0)))
+        f_r = push(c, x_r, xd_r, closing)
         gate = jnp.where(x_r <= c.r, (x_r - c.r) ** 2 / c.r**2, 0.0)
-        f_r, m_r = obstacle_leaf(c, x_r, xd_r, closing, gate)
+        m_r = metric(c, x_r, closing, gate)
         f_g = c.k_g * (q_goal - p) - c.k_d * v
         # J_r^T M_r J_r (J_r^T M_r J_r)^+ J_r^T M_r f_r = J_r^T M_r f_r, for one row J_r.
         force = j_r * (m_r * f_r) + c.mu_g * f_g

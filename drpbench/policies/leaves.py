@@ -64,14 +64,21 @@ class LeafGains(Protocol):
         ...
 
 
-def obstacle_leaf(
+def push(
     c: LeafGains,
     x: Float[Array, "*leaves"],
     xd: Float[Array, "*leaves"],
     closing: Float[Array, "*leaves"],
+) -> Float[Array, "*leaves"]:
+    """The acceleration f [u/s^2], away from the obstacle; `closing` is s."""
+    return c.k_p * jnp.exp(-x / c.l_p) - c.k_v * closing * xd / (x / c.l_d + c.eps_d)
+
+
+def metric(
+    c: LeafGains,
+    x: Float[Array, "*leaves"],
+    closing: Float[Array, "*leaves"],
     gate: Float[Array, "*leaves"],
-) -> tuple[Float[Array, "*leaves"], Float[Array, "*leaves"]]:
-    """The acceleration f [u/s^2] and the metric m."""
-    push = c.k_p * jnp.exp(-x / c.l_p)
-    push = push - c.k_v * closing * xd / (x / c.l_d + c.eps_d)
-    return push, closing * gate * c.mu_r / (x / c.l_m + c.eps_m)
+) -> Float[Array, "*leaves"]:
+    """How much the push counts against the other leaves, m; `closing` is s, `gate` g."""
+    return closing * gate * c.mu_r / (x / c.l_m + c.eps_m)

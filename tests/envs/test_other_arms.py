@@ -81,12 +81,11 @@ def episodes(world, policies):
         return states, events
 
     states, events = jit(run)(problems(world.robot))
-    events = jax.tree.map(np.asarray, events)
     shape = (len(policies), 2)
     return (
         np.asarray(states.joint_position).reshape(*shape, -1),
         {
-            name: leaf.reshape(len(leaf), *shape, *leaf.shape[2:])
+            name: np.asarray(leaf).reshape(len(leaf), *shape, *leaf.shape[2:])
             for name, leaf in vars(events).items()
         },
     )

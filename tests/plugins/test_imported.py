@@ -4,9 +4,11 @@ import sys
 
 import pytest
 
+from drpbench.contract import Episode
 from drpbench.plugins.errors import PolicyError, UnknownPolicy
 from drpbench.plugins.registry import choose
 from drpbench.policies import DcpRmp
+from drpbench.robot import PANDA
 
 MODULE = """
 from dataclasses import dataclass
@@ -27,6 +29,11 @@ class NoAct:
 class NoInit:
     def act(self, observation): pass
 class Neither: pass
+class Asks:
+    def __init__(self, robot, control_period=1.0, gain=2.0):
+        self.asked = robot, control_period
+    def reset(self, observation): pass
+    def act(self, observation): return observation.joint_position
 class Raises:
     def __init__(self): raise RuntimeError("no weights here")
 class Loose(Fine.__bases__[0]):
@@ -132,6 +139,14 @@ def offer(folder, value):
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: own-package\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(f"[drpbench.policies]\nown-name = {value}\n")
     sys.path.insert(0, str(folder))
+
+
+def test_what_asks_for_the_arm_and_the_control_period_gets_them(here):
+    choice = choose("own_policies:Asks", robot=PANDA, episode=Episode(100, 0.05))
+    assert choice.policy.policy.asked == (PANDA, 0.05)
+    assert {key for key in choice.parameters if not key.startswith("host.")} == {"gain"}
+    with pytest.raises(PolicyError, match="no such parameter; it has: gain"):
+        choose("own_policies:Asks", ["control_period=1"])
 
 
 def test_an_installed_package_offers_a_policy_by_name(here):

@@ -11,7 +11,8 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 from drpbench.compile import jit
-from drpbench.contract import Policy
+from drpbench.contract import Policy, observation_spec
+from drpbench.plugins.imported import nothing_seen
 from drpbench.plugins.registry import parameters as header_parameters
 from drpbench.policies import weights
 from drpbench.policies.networks.chunks import commanded
@@ -21,6 +22,7 @@ from drpbench.policies.networks.impact_size import ImpactSize
 from drpbench.policies.weights import FACTS, WeightsError, load, save
 
 from ..scenes import observation, postures
+from ..toy_arm import toy_arm
 
 TINY = ImpactSize(
     scene_points=32,
@@ -125,6 +127,19 @@ def test_saving_what_cannot_be_loaded_is_refused(policy, tmp_path):
     with pytest.raises(WeightsError, match="missing"):
         save(path, Impact({"out": policy.parameters["out"]}, TINY), CARD)
     assert not list(tmp_path.iterdir())
+
+
+def test_weights_are_for_one_arm(file, tmp_path):
+    arm = toy_arm(tmp_path)
+    with pytest.raises(WeightsError, match=r"shape .*; its sizes ask for .* for toy \(4 joints\)"):
+        load(file, arm)
+    own = tmp_path / "toy.safetensors"
+    save(own, Impact(initial(TINY, robot=arm), TINY, robot=arm), CARD)
+    found = load(own, arm)
+    seen = nothing_seen(observation_spec(arm))
+    assert jax.eval_shape(lambda seen: found.act(seen, (), None)[0], seen).shape == (4,)
+    with pytest.raises(WeightsError, match="its sizes ask for"):
+        load(own)
 
 
 def test_no_such_name_or_file(tmp_path):

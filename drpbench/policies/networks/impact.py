@@ -374,6 +374,7 @@ def apply(
     robot_points: Float[Array, "*batch R 3"],
     joints: Float[Array, "*batch J"],
     goal: Float[Array, "*batch J"],
+    *,
     dtype: str = "float32",
     robot: Robot = PANDA,
 ) -> Float[Array, "*batch 10 J"]:

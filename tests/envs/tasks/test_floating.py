@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from drpbench.contract import Episode
+
 CENTER = np.array([0.15, 0.0, 0.5])
 
 
@@ -90,3 +92,13 @@ def test_every_key_has_boxes_of_its_own_and_always_the_same(episodes, lives):
     assert len(np.unique(position.reshape(-1, 3), axis=0)) == 600
     np.testing.assert_array_equal(lives("FDO")[0].position, position)
     assert (np.asarray(lives("FDO", seed=1)[0].position) != position).any(axis=(1, 2)).all()
+
+
+def test_at_another_rate_boxes_are_as_fast_and_go_as_early(lives):
+    half_as_often = Episode(steps=500, period=1.0 / 30.0)
+    born, _, (_, velocity, active), _ = lives("FDO", episode=half_as_often)
+    at_60_hz = lives("FDO")[0]
+    np.testing.assert_array_equal(born.position, at_60_hz.position)
+    np.testing.assert_allclose(born.velocity, 2.0 * np.asarray(at_60_hz.velocity), rtol=1e-5)
+    active = np.asarray(active)
+    assert active[:, :350].all() and not active[:, 350:].any()
