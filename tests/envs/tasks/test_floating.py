@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 CENTER = np.array([0.15, 0.0, 0.5])
 
 
