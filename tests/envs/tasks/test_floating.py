@@ -5,6 +5,8 @@ import pytest
 
 from drpbench.contract import Episode
 
+pytestmark = pytest.mark.slow
+
 CENTER = np.array([0.15, 0.0, 0.5])
 
 
