@@ -12,6 +12,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -31,7 +32,7 @@ class DataError(DrpbenchError):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Demonstrations:
-    """Solved problems, one or a batch of N, K obstacle slots, T waypoints. Lengths [m], joints [rad], wxyz.
+    """Solved problems, one or a batch of N, K obstacle slots, T waypoints, J joints. Lengths [m], joints [rad], wxyz.
 
     `path` is the expert's, its waypoints at even steps of travel time; `length` is the time [s] that it
     takes at the arm's velocity limits. It ends at `goal` where `reached`, and else as near to it as
@@ -45,8 +46,8 @@ class Demonstrations:
     position: Float[Array, "*batch K 3"] | Float[np.ndarray, "*batch K 3"]
     quaternion: Float[Array, "*batch K 4"] | Float[np.ndarray, "*batch K 4"]
     mask: Bool[Array, "*batch K"] | Bool[np.ndarray, "*batch K"]
-    goal: Float[Array, "*batch 7"] | Float[np.ndarray, "*batch 7"]
-    path: Float[Array, "*batch T 7"] | Float[np.ndarray, "*batch T 7"]
+    goal: Float[Array, "*batch J"] | Float[np.ndarray, "*batch J"]
+    path: Float[Array, "*batch T J"] | Float[np.ndarray, "*batch T J"]
     length: Float[Array, "*batch"] | Float[np.ndarray, "*batch"]
     reached: Bool[Array, "*batch"] | Bool[np.ndarray, "*batch"]
 
@@ -120,7 +121,9 @@ class Shards:
         """Writes the range that begins at problem `first`; `solved` are those of it that were."""
         self.folder.mkdir(parents=True, exist_ok=True)
         buffer = io.BytesIO()
-        arrays = {f.name: np.asarray(getattr(solved, f.name)) for f in fields(solved)}
+        arrays: dict[str, Any] = {
+            f.name: np.asarray(getattr(solved, f.name)) for f in fields(solved)
+        }
         np.savez_compressed(buffer, **arrays)
         content = buffer.getvalue()
         name = f"{self._stream}-{first:09d}.npz"

@@ -14,7 +14,7 @@ from drpbench.envs import TASKS
 from drpbench.evaluation.metrics import rows
 from drpbench.generation.training_problems import VALIDATION_STREAM, Drawer, Drawn
 from drpbench.geometry import Primitives, matrix_to_quaternion, quaternion_to_matrix
-from drpbench.robot import PANDA
+from drpbench.robot import PANDA, Robot
 from drpbench.rollout import LANES, Rollout
 
 
@@ -31,13 +31,14 @@ class Score:
 class Validation:
     """The first so many problems of the validation stream whose goals are free, as the static task."""
 
-    def __init__(self, count: int = LANES):
-        drawer, drawn, number = Drawer(VALIDATION_STREAM), [], 0
+    def __init__(self, count: int = LANES, robot: Robot = PANDA):
+        drawer, number = Drawer(VALIDATION_STREAM), 0
+        drawn: list[Drawn] = []
         while len(drawn) < count:
             one = drawer.draw(number)
             drawn += [] if one.obstructed else [one]
             number += 1
-        self._problems, self._count = problems(drawn), count
+        self._problems, self._count = problems(drawn, robot), count
         self._rollout: Rollout | None = None
 
     def score(self, policy: Policy) -> Score:
@@ -55,12 +56,10 @@ class Validation:
         )
 
 
-_pose = jax.jit(lambda q: PANDA.grip_pose(PANDA.link_poses(q)))
-
-
-def problems(drawn: Sequence[Drawn]) -> Problem:
+def problems(drawn: Sequence[Drawn], robot: Robot = PANDA) -> Problem:
     """Drawn problems as a batch for the world."""
-    poses = [_pose(one.goal) for one in drawn]
+    pose = jax.jit(lambda q: robot.grip_pose(robot.link_poses(q)))
+    poses = [pose(one.goal) for one in drawn]
     quaternions = jnp.stack([one.quaternion for one in drawn])
     return Problem(
         id=np.array([one.index for one in drawn], np.int32),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,16 @@ BEST_WEIGHTS = "impact"
 
 def _impact(weights: str | Path = BEST_WEIGHTS) -> Policy:
     """IMPACT with shipped weights, or those of a file. Imports the network only where it is asked for."""
-    from drpbench.policies.weights import load
+    from drpbench.policies.weights import NETWORKS, load
 
-    return load(weights)
+    return load(weights, {"impact": NETWORKS["impact"]})
+
+
+def _of_file(name: str, /) -> Policy:
+    """The policy of `FILE` or `NETWORK:FILE`."""
+    from .networks import policy_of_file
+
+    return policy_of_file(name)
 
 
 def _drp(weights: str | Path = BEST_WEIGHTS) -> Policy:
@@ -63,8 +71,10 @@ def make(name: str) -> Any:
 
 def choose(name: str, arguments: Sequence[str] = (), time_limit: float = TIME_LIMIT) -> Choice:
     """The policy that `name` describes: `rmp`; with wrappers, `straight+dcp-rmp`; with a file of weights,
-    `impact:weights.safetensors`; yours by import path, `my_package.my_module:MyPolicy`, or by the name
-    under which your installed package offers it; or that of another process, `remote:127.0.0.1:5555`.
+    `impact:weights.safetensors`, and with one of your own network,
+    `my_package.my_module:MyLearner:weights.safetensors`; yours by import path,
+    `my_package.my_module:MyPolicy`, or by the name under which your installed package offers it; or that of
+    another process, `remote:127.0.0.1:5555`.
 
     `arguments` are keyword parameters for the policy itself, each as "name=value"; `time_limit` [s] is
     what a policy outside jit may take for a control step. Such a policy comes as a Hosted.
@@ -83,6 +93,8 @@ def choose(name: str, arguments: Sequence[str] = (), time_limit: float = TIME_LI
         raise UnknownPolicy(
             f"{kind!r} takes no file of weights; those that do: {', '.join(FROM_FILE)}"
         )
+    elif base.endswith(".safetensors"):
+        factory, fixed = partial(_of_file, base), {}
     elif ":" in base:
         return _theirs(base, find(base), arguments, wrappers, time_limit)
     elif base in POLICIES:
