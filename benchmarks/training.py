@@ -23,9 +23,9 @@ import numpy as np
 from drpbench.compile import use_cache
 from drpbench.generation.training_problems import Drawer
 from drpbench.geometry import stacked
-from drpbench.learning.batches import draw
+from drpbench.learning.cloning import Cloning, CloningSettings
 from drpbench.learning.demonstrations import Demonstrations
-from drpbench.learning.pretraining import Pretraining, Settings
+from drpbench.learning.learners import learner
 from drpbench.policies.networks.impact import SIZES, apply
 from drpbench.robot import PANDA
 
@@ -57,8 +57,9 @@ def main() -> None:
 
     use_cache()
     size = SIZES[asked.size]
-    settings = Settings(steps=10**6, batch=asked.batch, precision=asked.precision)
-    trainer = Pretraining(size, settings)
+    network = learner("impact", asked.size)
+    settings = CloningSettings(steps=10**6, batch=asked.batch, precision=asked.precision)
+    trainer = Cloning(network, settings)
     data = trainer.resident(demonstrations(256))
     state = trainer.begin()
 
@@ -69,9 +70,7 @@ def main() -> None:
         def run(parameters, first):
             def step(total, number):
                 key = jax.random.fold_in(jax.random.key(0), first + number)
-                return total + compute(
-                    parameters, draw(key, data, asked.batch, size.points_seen)
-                ), None
+                return total + compute(parameters, network.sample(key, data, asked.batch)), None
 
             return jax.lax.scan(step, jnp.float32(0), jnp.arange(asked.steps))[0]
 

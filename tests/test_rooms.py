@@ -30,7 +30,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "learning": {
         *("geometry", "robot", "contract", "planning", "problems", "generation", "perception"),
-        *("envs", "policies", "rollout", "leaderboard", "evaluation"),
+        # A network of the user's own is imported as a policy is.
+        *("envs", "policies", "plugins", "rollout", "leaderboard", "evaluation"),
     },
     "recording": {
         *("geometry", "robot", "contract", "problems", "perception", "envs", "policies"),

@@ -52,7 +52,12 @@ def data(
 
 
 def correct(
-    weights: Annotated[Path, typer.Argument(help="A file of IMPACT's weights.")],
+    weights: Annotated[
+        str,
+        typer.Argument(
+            help="A file of weights; that of a network of your own as my_package.my_module:MyLearner:FILE"
+        ),
+    ],
     demonstrations: Annotated[Path, typer.Option("--data", help="Folder of drpbench data.")],
     out: Annotated[Path, typer.Option(help="Folder to write to.")],
     count: Annotated[
@@ -68,15 +73,16 @@ def correct(
     from drpbench.learning.corrections import fill_corrections
     from drpbench.learning.demonstrations import Shards, read
     from drpbench.learning.production import SHARD
-    from drpbench.policies.weights import load
+    from drpbench.plugins.networks import policy_of_file, split
+    from drpbench.policies.weights import checksum
 
     there = read(demonstrations)
     count = there.count // SHARD * SHARD if count is None else count
     _check_multiple("count", count, SHARD, least=1)
     if count > there.count:
         raise InputError(f"--count {count}: {demonstrations} holds {there.count} demonstrations")
-    policy = load(weights)
-    shards = Shards(out, f"corrections-{policy.weights[:8]}", SHARD)
+    policy = policy_of_file(weights)
+    shards = Shards(out, f"corrections-{checksum(split(weights)[1])[:8]}", SHARD)
     from drpbench.compile import use_cache
 
     use_cache()
@@ -94,7 +100,10 @@ def correct(
 
 
 def train(
-    network: Annotated[str, typer.Argument(help="What to train: impact")],
+    network: Annotated[
+        str,
+        typer.Argument(help="What to train: impact, or your own: my_package.my_module:MyLearner"),
+    ],
     out: Annotated[Path, typer.Option(help="Folder of the run.")],
     demonstrations: Annotated[
         list[Path] | None,
@@ -104,8 +113,12 @@ def train(
         ),
     ] = None,
     size: Annotated[
-        str, typer.Option(help="full (the paper's) or small (for processors)")
-    ] = "full",
+        str | None,
+        typer.Option(
+            help="Of the network; impact: full (the paper's) or small (for processors)"
+            " [default: the network's first]"
+        ),
+    ] = None,
     steps: Annotated[int, typer.Option(help="The paper: 1,000,000.")] = 100_000,
     batch: Annotated[int, typer.Option(help="Samples a step.")] = 512,
     learning_rate: Annotated[float, typer.Option(help="At its highest.")] = 1e-3,
@@ -129,10 +142,8 @@ def train(
         int | None, typer.Option(help="Processes that draw problems, without --data.")
     ] = None,
 ) -> None:
-    """Train IMPACT by behaviour cloning. Checkpoints, a CSV, a plot and weights lie in the run's folder."""
+    """Train a network by behaviour cloning. Checkpoints, a CSV, a plot and weights lie in the run's folder."""
     require("train", "drpbench train")
-    if network != "impact":
-        raise InputError(f"cannot train {network!r}; there is: impact")
     for name, number in (
         ("steps", steps),
         ("batch", batch),
@@ -152,15 +163,16 @@ def train(
     import jax
     from rich.console import Console
 
+    from drpbench.learning.cloning import CloningSettings
     from drpbench.learning.feed import Folder, Stream
-    from drpbench.learning.pretraining import Settings
+    from drpbench.learning.learners import learner
     from drpbench.learning.train import Run
     from drpbench.learning.train import train as train_run
 
     from .terminal import TrainingProgress
 
     default = "float32" if jax.default_backend() == "cpu" else "bfloat16"
-    settings = Settings(
+    settings = CloningSettings(
         steps=steps,
         batch=batch,
         learning_rate=learning_rate,
@@ -169,7 +181,7 @@ def train(
     )
     wanted = Run(
         out,
-        size,
+        learner(network, size),
         settings,
         resume,
         report_every=report_every,
@@ -185,5 +197,5 @@ def train(
     with source as feed, TrainingProgress(Console(), steps) as progress:
         train_run(wanted, feed, progress.line)
     typer.echo(
-        f"weights in {out / 'weights.safetensors'}; run them with --policy impact:{out}/weights.safetensors"
+        f"weights in {out / 'weights.safetensors'}; run them with --policy {network}:{out}/weights.safetensors"
     )

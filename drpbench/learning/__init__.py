@@ -1,1 +1,4 @@
-"""Making a policy: the expert, its data, and training."""
+"""Making a policy: demonstrations of the expert, and training on them."""
+
+from .learner import Learner as Learner
+from .loss import chunk_loss as chunk_loss

@@ -9,8 +9,7 @@ is left at the end,
     dr/dt = -SPEED min(1, r / NEAR),    r: way left [s at the velocity limits]
 
 so that the arm converges to the goal, or to where it has to stop. The arm is put beside the path by a
-random offset, from which it is led back within the same time constant, TAU = NEAR / SPEED: without
-that, a policy that strays has never seen the way back.
+random offset, from which it is led back within the same time constant, NEAR / SPEED: without that, a policy that strays has never seen the way back.
 """
 
 from __future__ import annotations
@@ -24,12 +23,10 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 from drpbench.contract import CONTROL_PERIOD, ROBOT_POINTS
 from drpbench.geometry import Primitives, sample_surface
 from drpbench.policies.networks.chunks import CHUNK, RAMP, SPEED, encode
-from drpbench.robot import PANDA
+from drpbench.robot import PANDA, Robot
 
 from .demonstrations import Demonstrations
 
-NEAR = RAMP / float(PANDA.velocity_limit.min())  # [s at the velocity limits]
-TAU = NEAR / SPEED  # [s]
 BESIDE = 0.03  # [rad] standard deviation of the largest offsets from the path
 AT_REST = 0.08  # share of samples at the end of a path
 DENSITY_SPREAD = 0.8  # of the logarithm of how densely each obstacle is seen
@@ -43,19 +40,27 @@ class Batch:
     scene_points: Float[Array, "*batch N 3"]
     scene_mask: Bool[Array, "*batch N"]
     robot_points: Float[Array, "*batch 256 3"]
-    joints: Float[Array, "*batch 7"]
-    goal: Float[Array, "*batch 7"]
-    chunk: Float[Array, "*batch C 7"]
+    joints: Float[Array, "*batch J"]
+    goal: Float[Array, "*batch J"]
+    chunk: Float[Array, "*batch C J"]
 
 
-def way_left(left: Float[Array, "*batch"], time: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+def near(robot: Robot = PANDA) -> float:
+    """NEAR [s at the velocity limits]: what the slowest joint needs for the ramp of a chunk's units."""
+    return RAMP / float(robot.velocity_limit.min())
+
+
+def way_left(
+    left: Float[Array, "*batch"], time: Float[Array, "*batch"], robot: Robot = PANDA
+) -> Float[Array, "*batch"]:
     """The way left r [s at the velocity limits] after `time` [s]: the solution of dr/dt above."""
-    until_near = jnp.maximum(left - NEAR, 0.0) / SPEED
-    falling = jnp.minimum(left, NEAR) * jnp.exp(-jnp.maximum(time - until_near, 0.0) / TAU)
+    until_near = jnp.maximum(left - near(robot), 0.0) / SPEED
+    tau = near(robot) / SPEED  # [s]
+    falling = jnp.minimum(left, near(robot)) * jnp.exp(-jnp.maximum(time - until_near, 0.0) / tau)
     return jnp.where(time < until_near, left - SPEED * time, falling)
 
 
-def along(path: Float[Array, "T 7"], share: Float[Array, "*n"]) -> Float[Array, "*n 7"]:
+def along(path: Float[Array, "T J"], share: Float[Array, "*n"]) -> Float[Array, "*n J"]:
     """Configurations at shares (0 to 1) of a path."""
     place = jnp.clip(share, 0.0, 1.0) * (path.shape[0] - 1)
     before = jnp.minimum(place.astype(jnp.int32), path.shape[0] - 2)
@@ -63,39 +68,48 @@ def along(path: Float[Array, "T 7"], share: Float[Array, "*n"]) -> Float[Array, 
     return path[before] * (1.0 - weight) + path[before + 1] * weight
 
 
-def draw(key: PRNGKeyArray, demonstrations: Demonstrations, count: int, scene_points: int) -> Batch:
+def sample(
+    key: PRNGKeyArray,
+    demonstrations: Demonstrations,
+    count: int,
+    scene_points: int,
+    robot: Robot = PANDA,
+) -> Batch:
     """`count` independent samples, with clouds of `scene_points` points."""
     which_key, sample_key = jax.random.split(key)
     which = jax.random.randint(which_key, (count,), 0, demonstrations.count)
     chosen = jax.tree.map(lambda leaf: leaf[which], demonstrations)
     keys = jax.random.split(sample_key, count)
-    return jax.vmap(lambda one, obstacles, key: _sample(one, obstacles, key, scene_points))(
-        chosen, chosen.obstacles.primitives(), keys
-    )
+    return jax.vmap(
+        lambda one, obstacles, key: _sample_one(one, obstacles, key, scene_points, robot)
+    )(chosen, chosen.obstacles.primitives(), keys)
 
 
-def _sample(one, obstacles: Primitives, key: PRNGKeyArray, scene_points: int) -> Batch:
+def _sample_one(
+    one: Demonstrations, obstacles: Primitives, key: PRNGKeyArray, scene_points: int, robot: Robot
+) -> Batch:
     """One sample of one demonstration (leaves without their batch axis)."""
     place_key, rest_key, size_key, offset_key, cloud_key = jax.random.split(key, 5)
+    path, length, goal = map(jnp.asarray, (one.path, one.length, one.goal))
     share = jax.random.uniform(place_key)
     share = jnp.where(jax.random.uniform(rest_key) < AT_REST, 1.0, share)
-    on_path = along(one.path, share)
-    offset = BESIDE * jax.random.uniform(size_key) * jax.random.normal(offset_key, (7,))
-    q = jnp.clip(on_path + offset, PANDA.joint_lower, PANDA.joint_upper)
+    on_path = along(path, share)
+    offset = BESIDE * jax.random.uniform(size_key) * jax.random.normal(offset_key, (robot.joints,))
+    q = jnp.clip(on_path + offset, robot.joint_lower, robot.joint_upper)
 
     time = CONTROL_PERIOD * jnp.arange(1, CHUNK + 1)
-    left = way_left(one.length * (1.0 - share) * jnp.ones(CHUNK), time)
-    ahead = along(one.path, 1.0 - left / jnp.maximum(one.length, 1e-6))
-    waypoints = ahead + (q - on_path) * jnp.exp(-time / TAU)[:, None]
+    left = way_left(length * (1.0 - share) * jnp.ones(CHUNK), time, robot)
+    ahead = along(path, 1.0 - left / jnp.maximum(length, 1e-6))
+    waypoints = ahead + (q - on_path) * jnp.exp(-time / (near(robot) / SPEED))[:, None]
 
     points, mask = cloud(cloud_key, obstacles, scene_points)
     return Batch(
         scene_points=points,
         scene_mask=mask,
-        robot_points=PANDA.surface_points(ROBOT_POINTS).world(PANDA.link_poses(q)),
+        robot_points=robot.surface_points(ROBOT_POINTS).world(robot.link_poses(q)),
         joints=q,
-        goal=one.goal,
-        chunk=encode(waypoints, q, one.goal),
+        goal=goal,
+        chunk=encode(waypoints, q, goal),
     )
 
 

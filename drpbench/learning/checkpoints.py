@@ -9,7 +9,7 @@ import orbax.checkpoint as ocp
 
 from drpbench.errors import DrpbenchError
 
-from .pretraining import TrainingState
+from .cloning import TrainingState
 
 
 class CheckpointError(DrpbenchError):

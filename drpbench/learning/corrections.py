@@ -13,6 +13,7 @@ stands on the policy's own way or on its goal; of that one too a configuration i
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -20,13 +21,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from drpbench.compile import jit
-from drpbench.contract import ROBOT_POINTS, Observation, Policy
+from drpbench.contract import ROBOT_POINTS, SCENE_POINTS, Observation, Policy
 from drpbench.envs.movers import clearance_of_box
 from drpbench.geometry import BOX, Obstacles, Primitives, matrix_to_quaternion, quaternion_to_matrix
 from drpbench.planning.clearance_cost import gaps
 from drpbench.planning.expert import CHEAP, planner
-from drpbench.policies.networks.impact import SCENE_POINTS
-from drpbench.robot import PANDA
+from drpbench.robot import PANDA, Robot
 
 from .batches import cloud
 from .demonstrations import Demonstrations, Shards, join
@@ -46,14 +46,15 @@ _ON_GOAL = 0.3  # share of the boxes that appear on the goal, not on the way
 
 def _walk(
     policy: Policy,
-    start: Float[Array, "7"],
-    goal: Float[Array, "7"],
+    start: Float[Array, " J"],
+    goal: Float[Array, " J"],
     obstacles: Primitives,
     key: PRNGKeyArray,
-) -> tuple[Float[Array, "T 7"], Float[Array, " T"]]:
+    robot: Robot,
+) -> tuple[Float[Array, "T J"], Float[Array, " T"]]:
     """Where the policy leads the arm [rad], and its room there [m]."""
     points, mask = cloud(key, obstacles, SCENE_POINTS)
-    position, rotation = PANDA.grip_pose(PANDA.link_poses(goal))
+    position, rotation = robot.grip_pose(robot.link_poses(goal))
 
     def observe(q):
         return Observation(
@@ -64,13 +65,13 @@ def _walk(
             goal_quaternion=matrix_to_quaternion(rotation),
             scene_points=points,
             scene_mask=mask,
-            robot_points=PANDA.surface_points(ROBOT_POINTS).world(PANDA.link_poses(q)),
+            robot_points=robot.surface_points(ROBOT_POINTS).world(robot.link_poses(q)),
         )
 
     def step(state, key):
         q, carry = state
         target, carry = policy.act(observe(q), carry, key)
-        q = jnp.clip(target, PANDA.joint_lower, PANDA.joint_upper)
+        q = jnp.clip(target, robot.joint_lower, robot.joint_upper)
         return (q, carry), (q, jnp.min(gaps(q, obstacles).obstacle))
 
     begun = (start, policy.init(observe(start)))
@@ -79,7 +80,7 @@ def _walk(
 
 
 def _last(
-    walked: Float[Array, "T 7"], room: Float[Array, " T"], goal: Float[Array, "7"]
+    walked: Float[Array, "T J"], room: Float[Array, " T"], goal: Float[Array, " J"]
 ) -> tuple[Int[Array, ""], Bool[Array, ""]]:
     """The last target before the arm touches something or is at its goal, and whether it touches; -1: none."""
     number = jnp.arange(STEPS)
@@ -90,11 +91,11 @@ def _last(
 
 
 def _stray(
-    walked: Float[Array, "T 7"],
+    walked: Float[Array, "T J"],
     room: Float[Array, " T"],
-    goal: Float[Array, "7"],
+    goal: Float[Array, " J"],
     key: PRNGKeyArray,
-) -> tuple[Float[Array, "7"], Bool[Array, ""]]:
+) -> tuple[Float[Array, " J"], Bool[Array, ""]]:
     """A configuration to go on from, and whether there is one: free, and not yet at the goal."""
     last, touches = _last(walked, room, goal)
     which, before, anywhere = jax.random.split(key, 3)
@@ -109,17 +110,19 @@ def _stray(
 
 def _interrupted(
     demonstration: Demonstrations,
-    walked: Float[Array, "T 7"],
+    walked: Float[Array, "T J"],
     room: Float[Array, " T"],
     key: PRNGKeyArray,
-) -> tuple[Demonstrations, Float[Array, "7"], Bool[Array, ""]]:
+    robot: Robot = PANDA,
+) -> tuple[Demonstrations, Float[Array, " J"], Bool[Array, ""]]:
     """The scene with one box more, that appears while the arm is under way; where the arm is then; and
     whether one was found that leaves it room, and is on the goal or leaves room to the arm there too."""
-    goal, last = demonstration.goal, _last(walked, room, demonstration.goal)[0]
+    goal = jnp.asarray(demonstration.goal)
+    last = _last(walked, room, goal)[0]
     way = jnp.concatenate([walked, goal[None]])
-    poses = jax.vmap(PANDA.link_poses)(way)
-    place, _ = jax.vmap(PANDA.grip_pose)(poses)
-    model = PANDA.moving_spheres
+    poses = jax.vmap(robot.link_poses)(way)
+    place, _ = jax.vmap(robot.grip_pose)(poses)
+    model = robot.moving_spheres
     centers, radii = jax.vmap(model.world)(poses), jnp.asarray(model.radius)
     blocks_key, key = jax.random.split(key)
     blocks = jax.random.uniform(blocks_key) < _ON_GOAL
@@ -158,7 +161,7 @@ def _interrupted(
     return scene, walked[time], (last >= 0) & fits & ~there.mask[slot]
 
 
-def _hint(path: Float[Array, "m 7"], q: Float[Array, "7"]) -> Float[Array, "m 7"]:
+def _hint(path: Float[Array, "m J"], q: Float[Array, " J"]) -> Float[Array, "m J"]:
     """From `q` to a waypoint a little beyond the nearest of the old path, and along it."""
     nearest = jnp.argmin(jnp.max(jnp.abs(path - q), axis=-1))
     return (
@@ -169,16 +172,16 @@ def _hint(path: Float[Array, "m 7"], q: Float[Array, "7"]) -> Float[Array, "m 7"
 
 
 @cache
-def _strays():
+def _strays(robot: Robot) -> Callable[..., Any]:
     @partial(jax.vmap, in_axes=(None, 0, 0))
     def both(policy, demonstration, key):
         """Scene, where the arm has strayed to, whether it has, and a hint: without and with a box more."""
         goal, path = demonstration.goal, demonstration.path
         walk_key, stray_key, box_key, again_key, last_key = jax.random.split(key, 5)
-        way = _walk(policy, path[0], goal, demonstration.obstacles.primitives(), walk_key)
+        way = _walk(policy, path[0], goal, demonstration.obstacles.primitives(), walk_key, robot)
         q, usable = _stray(*way, goal, stray_key)
-        scene, start, placed = _interrupted(demonstration, *way, box_key)
-        way = _walk(policy, start, goal, scene.obstacles.primitives(), again_key)
+        scene, start, placed = _interrupted(demonstration, *way, box_key, robot)
+        way = _walk(policy, start, goal, scene.obstacles.primitives(), again_key, robot)
         boxed, strayed = _stray(*way, goal, last_key)
         return (
             (demonstration, q, usable, _hint(path, q)),
@@ -188,7 +191,9 @@ def _strays():
     return jit(both)
 
 
-def correct(policy: Policy, demonstrations: Demonstrations, seed: int) -> Demonstrations:
+def correct(
+    policy: Policy, demonstrations: Demonstrations, seed: int, robot: Robot = PANDA
+) -> Demonstrations:
     """The expert's paths from where `policy` goes astray in each of up to `batch_size()` demonstrations,
     and again with one box more; those that it solves."""
     count = demonstrations.count
@@ -197,7 +202,7 @@ def correct(policy: Policy, demonstrations: Demonstrations, seed: int) -> Demons
     )
     keys = jax.vmap(lambda index: jax.random.fold_in(jax.random.key(seed), index))(filled.index)
     parts = []
-    for scenes, starts, usable, hints in _strays()(policy, filled, keys):
+    for scenes, starts, usable, hints in _strays(robot)(policy, filled, keys):
         plans = planner(CHEAP)(
             scenes.obstacles.primitives(), starts, scenes.goal, keys, hints[:, None]
         )
@@ -214,10 +219,11 @@ def fill_corrections(
     count: int,
     seed: int,
     progress: Callable[[int, int], None],
+    robot: Robot = PANDA,
 ) -> None:
     """Makes the shards that are not there yet, from the first `count` demonstrations, a multiple of SHARD.
 
-    `progress(demonstrations, corrections)` is told of every batch.
+    `progress(demonstrations, corrections)` is called after every batch.
     """
     for first in range(0, count, SHARD):
         if first in shards.done:
@@ -225,6 +231,6 @@ def fill_corrections(
         parts = []
         for begin in range(first, first + SHARD, batch_size()):
             some = jax.tree.map(lambda leaf, b=begin: leaf[b : b + batch_size()], demonstrations)
-            parts.append(correct(policy, some, seed))
+            parts.append(correct(policy, some, seed, robot))
             progress(some.count, parts[-1].count)
         shards.add(first, join(parts))

@@ -31,7 +31,7 @@ class DataError(DrpbenchError):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Demonstrations:
-    """Solved problems, one or a batch of N, K obstacle slots, T waypoints. Lengths [m], joints [rad], wxyz.
+    """Solved problems, one or a batch of N, K obstacle slots, T waypoints, J joints. Lengths [m], joints [rad], wxyz.
 
     `path` is the expert's, its waypoints at even steps of travel time; `length` is the time [s] that it
     takes at the arm's velocity limits. It ends at `goal` where `reached`, and else as near to it as
@@ -41,8 +41,8 @@ class Demonstrations:
     index: Int[Array, "*batch"] | Int[np.ndarray, "*batch"]
     family: Int[Array, "*batch"] | Int[np.ndarray, "*batch"]
     obstacles: Obstacles
-    goal: Float[Array, "*batch 7"] | Float[np.ndarray, "*batch 7"]
-    path: Float[Array, "*batch T 7"] | Float[np.ndarray, "*batch T 7"]
+    goal: Float[Array, "*batch J"] | Float[np.ndarray, "*batch J"]
+    path: Float[Array, "*batch T J"] | Float[np.ndarray, "*batch T J"]
     length: Float[Array, "*batch"] | Float[np.ndarray, "*batch"]
     reached: Bool[Array, "*batch"] | Bool[np.ndarray, "*batch"]
 

@@ -93,7 +93,7 @@ class Stream:
         self._thread.start()
         return self
 
-    def __exit__(self, *error) -> None:
+    def __exit__(self, *error: object) -> None:
         self._stopped.set()
         self._thread.join()
 
@@ -122,7 +122,7 @@ class Stream:
         try:
             with Production(workers=self._workers) as production:
                 self._solve(production)
-        except BaseException as error:  # told to whoever waits for a block
+        except BaseException as error:  # raised where a block is waited for
             self._blocks.put(error)
 
     def _solve(self, production: Production) -> None:
@@ -144,7 +144,7 @@ class Stream:
 
 
 @jax.jit
-def _write(leaf, block, first):
+def _write(leaf: jax.Array, block: jax.Array, first: int) -> jax.Array:
     return jax.lax.dynamic_update_slice_in_dim(leaf, block.astype(leaf.dtype), first, 0)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,10 +42,11 @@ class History:
             return []
         with open(self._path, newline="", encoding="utf-8") as file:
             kinds = {f.name: int if f.type == "int" else float for f in fields(Progress)}
-            return [
-                Progress(**{name: kinds[name](value) for name, value in row.items()})
+            rows: list[dict[str, Any]] = [
+                {name: kinds[name](value) for name, value in row.items()}
                 for row in csv.DictReader(file)
             ]
+        return [Progress(**row) for row in rows]
 
     def rewind(self, step: int) -> list[Progress]:
         """Drops the lines beyond a step: a resumed run makes them again. Returns those that stay."""

@@ -6,6 +6,8 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import cache
 from itertools import islice
 
 import jax
@@ -18,17 +20,26 @@ from drpbench.planning.expert import CHEAP, planner
 from .demonstrations import Demonstrations, Shards, join
 
 SHARD = 1024  # problem numbers in a shard
-_drawer: Drawer | None = None  # one a process
 
 
-def _begin(stream: str) -> None:
-    global _drawer
+@dataclass(frozen=True)
+class Problems:
+    """The numbered problems of one stream, drawn in whatever process it is called in."""
+
+    stream: str = TRAINING_STREAM
+
+    def __call__(self, number: int) -> Drawn:
+        return _drawer(self).draw(number)
+
+
+@cache
+def _drawer(problems: Problems) -> Drawer:
+    """One a process: it holds a compiled checker."""
+    return Drawer(problems.stream)
+
+
+def _without_accelerator() -> None:
     jax.config.update("jax_platforms", "cpu")  # the accelerator is the parent's
-    _drawer = Drawer(stream)
-
-
-def _draw(index: int) -> Drawn:
-    return _drawer.draw(index)
 
 
 def batch_size() -> int:
@@ -48,28 +59,28 @@ class Production:
     """Solved problems of one stream, by number, in order. A context manager: it owns processes."""
 
     def __init__(self, stream: str = TRAINING_STREAM, workers: int | None = None):
+        self._problem = Problems(stream)
         self._pool = ProcessPoolExecutor(
             workers or default_workers(),
             mp_context=multiprocessing.get_context("spawn"),
-            initializer=_begin,
-            initargs=(stream,),
+            initializer=_without_accelerator,
         )
 
     def __enter__(self) -> Production:
         return self
 
-    def __exit__(self, *error) -> None:
+    def __exit__(self, *error: object) -> None:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def solved(self, numbers: range) -> Iterator[tuple[int, Demonstrations]]:
         """For each batch of `numbers`: how many problems were drawn, and those that were solved."""
         # A few batches ahead of the expert, no more.
         batch = batch_size()
-        ahead = [self._pool.submit(_draw, number) for number in numbers[: 4 * batch]]
+        ahead = [self._pool.submit(self._problem, number) for number in numbers[: 4 * batch]]
         rest = iter(numbers[4 * batch :])
         while ahead:
             drawn = [future.result() for future in ahead[:batch]]
-            more = [self._pool.submit(_draw, number) for number in islice(rest, batch)]
+            more = [self._pool.submit(self._problem, number) for number in islice(rest, batch)]
             ahead = ahead[batch:] + more
             yield len(drawn), solve(drawn)
 
@@ -103,7 +114,7 @@ def fill(
 ) -> None:
     """Makes the shards of problem `numbers` that are not there yet.
 
-    `progress(drawn, solved)` is told of every batch. `numbers` begins and ends at a shard's end.
+    `progress(drawn, solved)` is called after every batch. `numbers` begins and ends at a shard's end.
     """
     missing = [first for first in numbers[::SHARD] if first not in shards.done]
     if not missing:

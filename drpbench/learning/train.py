@@ -18,17 +18,20 @@ import numpy as np
 
 from drpbench.errors import DrpbenchError
 from drpbench.evaluation.run import device_name
-from drpbench.policies.networks.impact import SIZES
-from drpbench.policies.networks.impact_policy import Impact
+from drpbench.policies.networks.impact_format import ImpactFormat
 from drpbench.policies.weights import save
 
 from .checkpoints import Checkpoints
+from .cloning import Cloning, CloningSettings, TrainingState
 from .feed import Feed
 from .history import History, Progress, plot
-from .pretraining import Pretraining, Settings, TrainingState
+from .learner import Learner, check
 from .validation import Score, Validation
 
 _MAY_CHANGE = ("steps", "learning_rate")  # when a run is resumed: it goes on along the new schedule
+
+# A run that was begun when IMPACT was the only network does not state it.
+_BEFORE_NETWORKS = {"network": ImpactFormat.format()}
 
 
 class TrainingError(DrpbenchError):
@@ -41,8 +44,8 @@ class Run:
     are one call of the compiled program."""
 
     out: Path
-    size: str = "full"
-    settings: Settings = field(default_factory=Settings)
+    learner: Learner
+    settings: CloningSettings = field(default_factory=CloningSettings)
     resume: bool = False
     report_every: int = 100
     checkpoint_every: int = 2000
@@ -52,8 +55,6 @@ class Run:
     """0: never validated."""
 
     def __post_init__(self):
-        if self.size not in SIZES:
-            raise TrainingError(f"no size {self.size!r}; there are: {', '.join(SIZES)}")
         for name, period in (
             ("steps", self.settings.steps),
             ("checkpoint-every", self.checkpoint_every),
@@ -65,30 +66,39 @@ class Run:
                 )
 
     def facts(self) -> dict[str, Any]:
-        """All that decides what is learned, as JSON has it."""
-        return {"size": self.size, **json.loads(json.dumps(asdict(self.settings)))}
+        """All that decides what is learned, as JSON has it; the size by its name if it has one."""
+        names = [name for name, one in self.learner.sizes().items() if one == self.learner]
+        decided = {
+            "network": self.learner.format(),
+            "size": names[0] if names else self.learner.settings(),
+            **asdict(self.settings),
+        }
+        return json.loads(json.dumps(decided))
 
 
-def train(run: Run, feed: Feed, told: Callable[[Progress, Run], None]) -> Progress:
+def train(run: Run, feed: Feed, report: Callable[[Progress, Run], None]) -> Progress:
     """Trains to the last step and leaves everything in the run's folder; returns the last line.
 
-    `told` hears every line of the history. Raises TrainingError, CheckpointError, DataError.
+    `report` gets every line of the history. Raises TrainingError, LearnerError, PolicyError,
+    CheckpointError, DataError.
     """
-    training = Pretraining(SIZES[run.size], run.settings)
-    _claim(run)
+    training = Cloning(run.learner, run.settings)
+    _check_folder(run)
     history = History(run.out / "history.csv")
     checkpoints = Checkpoints(run.out / "checkpoints")
+    if run.resume and (checkpoints.latest or 0) >= run.settings.steps:
+        raise TrainingError(
+            f"{run.out}: all {run.settings.steps} steps were done before; more with --steps"
+        )
+    first = feed.begin()
+    check(run.learner, first, run.settings.batch, run.settings.precision)
     state = training.begin()
     if run.resume:
         state = checkpoints.load(state)
-        if int(state.step) >= run.settings.steps:
-            raise TrainingError(
-                f"{run.out}: all {run.settings.steps} steps were done before; more with --steps"
-            )
-        _continue(run, int(state.step))
+    _note_settings(run, int(state.step))
     lines = history.rewind(int(state.step))
     spent = lines[-1].seconds if lines else 0.0
-    demonstrations = training.resident(feed.begin())
+    demonstrations = training.resident(first)
     validation: Validation | None = None
     began = time.perf_counter()
     losses: list[np.ndarray] = []
@@ -107,8 +117,8 @@ def train(run: Run, feed: Feed, told: Callable[[Progress, Run], None]) -> Progre
         score: Score | None = None
         due = last or (run.validate_every and upto % run.validate_every == 0)
         if due and run.validation_problems:
-            validation = validation or Validation(run.validation_problems)
-            score = validation.score(policy(run, state))
+            validation = validation or Validation(run.validation_problems, run.learner.robot)
+            score = validation.score(run.learner.policy(state.average))
         line = Progress(
             step=upto,
             samples=upto * run.settings.batch,
@@ -119,7 +129,7 @@ def train(run: Run, feed: Feed, told: Callable[[Progress, Run], None]) -> Progre
             **({} if score is None else asdict(score)),
         )
         history.add(line)
-        told(line, run)
+        report(line, run)
         if last or upto % run.checkpoint_every == 0:
             checkpoints.save(state)
             ship(run, state, history.read(), feed)
@@ -129,11 +139,6 @@ def train(run: Run, feed: Feed, told: Callable[[Progress, Run], None]) -> Progre
     with contextlib.suppress(ImportError):  # the picture needs matplotlib; the CSV has all of it
         plot(lines, run.out / "history.png")
     return lines[-1]
-
-
-def policy(run: Run, state: TrainingState) -> Impact:
-    """The policy with the averaged weights of a state."""
-    return Impact(parameters=state.average, size=SIZES[run.size])
 
 
 def ship(run: Run, state: TrainingState, lines: list[Progress], feed: Feed) -> None:
@@ -154,23 +159,21 @@ def ship(run: Run, state: TrainingState, lines: list[Progress], feed: Feed) -> N
         "schedule": _schedule(run),
         "training": run.facts(),
     }
-    save(run.out / "weights.safetensors", policy(run, state), card)
+    save(run.out / "weights.safetensors", run.learner, state.average, card)
 
 
-def _claim(run: Run) -> None:
-    """Makes the folder this run's, or checks that it is."""
+def _check_folder(run: Run) -> None:
+    """Raises TrainingError unless the folder is free for a new run, or holds the run to resume."""
     path = run.out / "settings.json"
     if not run.resume:
         if path.exists():
             raise TrainingError(
                 f"{run.out} holds a run: go on with --resume, or name another --out"
             )
-        run.out.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps([{"from_step": 0, **run.facts()}], indent=1) + "\n")
         return
     if not path.exists():
         raise TrainingError(f"{run.out} holds no run to resume: leave out --resume")
-    before = json.loads(path.read_text())[-1]
+    before = _BEFORE_NETWORKS | json.loads(path.read_text())[-1]
     for name, value in run.facts().items():
         if name not in _MAY_CHANGE and before.get(name) != value:
             raise TrainingError(
@@ -178,11 +181,12 @@ def _claim(run: Run) -> None:
             )
 
 
-def _continue(run: Run, step: int) -> None:
-    """Notes what is otherwise from this step on."""
+def _note_settings(run: Run, step: int) -> None:
+    """Writes with which settings the run goes on from this step, if they differ from those before."""
     path = run.out / "settings.json"
-    stretches = json.loads(path.read_text())
-    if any(stretches[-1][name] != value for name, value in run.facts().items()):
+    stretches = json.loads(path.read_text()) if run.resume else []
+    before = _BEFORE_NETWORKS | stretches[-1] if stretches else {}
+    if any(before.get(name) != value for name, value in run.facts().items()):
         stretches.append({"from_step": step, **run.facts()})
         path.write_text(json.dumps(stretches, indent=1) + "\n")
 

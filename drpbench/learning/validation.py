@@ -29,13 +29,14 @@ class Score:
 class Validation:
     """The first so many problems of the validation stream whose goals are free, as the static task."""
 
-    def __init__(self, count: int = LANES):
-        drawer, drawn, number = Drawer(VALIDATION_STREAM), [], 0
+    def __init__(self, count: int = LANES, robot: Robot = PANDA):
+        drawer, number = Drawer(VALIDATION_STREAM), 0
+        drawn: list[Drawn] = []
         while len(drawn) < count:
             one = drawer.draw(number)
             drawn += [] if one.obstructed else [one]
             number += 1
-        self._problems, self._count = problems(drawn), count
+        self._problems, self._count = problems(drawn, robot), count
 
     def score(self, policy: Policy) -> Score:
         """Episodes of the policy. Nothing is compiled for one of the structure of an earlier one."""

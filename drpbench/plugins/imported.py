@@ -22,13 +22,15 @@ GROUP = "drpbench.policies"
 """The entry-point group that an installed package offers its policies under."""
 
 
-def installed() -> dict[str, importlib.metadata.EntryPoint]:
-    """Policies that installed packages offer, by name. Nothing is imported."""
-    return {entry.name: entry for entry in importlib.metadata.entry_points(group=GROUP)}
+def installed(group: str = GROUP) -> dict[str, importlib.metadata.EntryPoint]:
+    """What installed packages offer in an entry-point group, by name. Nothing is imported."""
+    return {entry.name: entry for entry in importlib.metadata.entry_points(group=group)}
 
 
-def find(path: str) -> Callable[..., Any]:
-    """What stands at an import path, a class or a function that makes a policy.
+def find(
+    path: str, meant: str = "a class, or a function that makes a policy,"
+) -> Callable[..., Any]:
+    """What stands at an import path: `meant` in words, such as a class.
 
     The current directory is importable. Raises PolicyError.
     """
@@ -43,10 +45,7 @@ def find(path: str) -> Callable[..., Any]:
     if callable(found) and name:
         return found
     if found is not None and name:
-        raise PolicyError(
-            f"{path}: {name} is of type {type(found).__name__}; a class, or a function that makes a policy,"
-            " is meant"
-        )
+        raise PolicyError(f"{path}: {name} is of type {type(found).__name__}; {meant} is meant")
     offered = [
         key
         for key, value in vars(module).items()

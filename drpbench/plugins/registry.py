@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,9 +34,20 @@ def _impact(
     control_period: float = EPISODE.period,
 ) -> Policy:
     """IMPACT with shipped weights, or those of a file. Imports the network only where it is asked for."""
-    from drpbench.policies.weights import load
+    from drpbench.policies.weights import NETWORKS, load
 
-    return replace(load(weights, robot), control_period=control_period)
+    found: Any = load(weights, {"impact": NETWORKS["impact"]}, robot)
+    return replace(found, control_period=control_period)
+
+
+def _of_file(name: str, /, robot: Robot = PANDA, control_period: float = EPISODE.period) -> Policy:
+    """The policy of `FILE` or `NETWORK:FILE`."""
+    from .networks import policy_of_file
+
+    policy: Any = policy_of_file(name, robot)
+    if any(field.name == "control_period" for field in fields(policy)):
+        return replace(policy, control_period=control_period)
+    return policy
 
 
 def _pretrained(robot: Robot = PANDA, control_period: float = EPISODE.period) -> Policy:
@@ -87,8 +99,10 @@ def choose(
     episode: Episode = EPISODE,
 ) -> Choice:
     """The policy that `name` describes: `rmp`; with wrappers, `straight+dcp-rmp`; with a file of weights,
-    `impact:weights.safetensors`; yours by import path, `my_package.my_module:MyPolicy`, or by the name
-    under which your installed package offers it; or that of another process, `remote:127.0.0.1:5555`.
+    `impact:weights.safetensors`, and with one of your own network,
+    `my_package.my_module:MyLearner:weights.safetensors`; yours by import path,
+    `my_package.my_module:MyPolicy`, or by the name under which your installed package offers it; or that of
+    another process, `remote:127.0.0.1:5555`.
 
     `arguments` are keyword parameters for the policy itself, each as "name=value"; `time_limit` [s] is
     what a policy outside jit may take for a control step. Such a policy comes as a Hosted. A policy whose
@@ -112,6 +126,8 @@ def choose(
         raise UnknownPolicy(
             f"{kind!r} takes no file of weights; those that do: {', '.join(FROM_FILE)}"
         )
+    elif base.endswith(".safetensors"):
+        factory, fixed = partial(_of_file, base), {}
     elif ":" in base:
         return _theirs(base, find(base), arguments, wrappers, time_limit, world)
     elif base in POLICIES:

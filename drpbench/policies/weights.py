@@ -1,7 +1,8 @@
 """Weights on disk: a safetensors file, and beside it a model card that is generated from its facts.
 
-The file's metadata hold the network's sizes, the card's facts as JSON and a SHA-256 of the numbers, so a
-file is whole by itself. Nothing is ever unpickled.
+The file's metadata hold a format that names the network, the network's sizes and the card's facts as JSON,
+and a SHA-256 of the numbers, so a file is whole by itself. Nothing is ever unpickled, and nothing is
+imported because a file names it.
 """
 
 import hashlib
@@ -9,7 +10,6 @@ import json
 import os
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +19,23 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as serialised
 
+from drpbench.contract import Policy
 from drpbench.errors import DrpbenchError
 from drpbench.robot import PANDA, Robot
 
-from .networks.impact import Parameters, shapes
-from .networks.impact_policy import Impact
-from .networks.impact_size import ImpactSize
+from .networks.impact_format import ImpactFormat
+from .networks.network import Network
 
 FOLDER = Path(__file__).parent / "weights"
-FORMAT = "drpbench-impact-1"
+NETWORKS: dict[str, type[Network]] = {"impact": ImpactFormat}
+"""Networks whose files are known without being named."""
 STORAGE = ("float32", "float16")
 FACTS = ("data", "steps", "hardware", "scores", "licence")
 """What a model card must say."""
 
 
 class WeightsError(DrpbenchError):
-    """A file of weights that is absent, damaged or not IMPACT's; the message is one line."""
+    """A file of weights that is absent, damaged or of another network; the message is one line."""
 
 
 def shipped() -> list[str]:
@@ -43,13 +44,17 @@ def shipped() -> list[str]:
 
 
 def save(
-    path: Path | str, policy: Impact, card: Mapping[str, Any], storage: str = "float32"
+    path: Path | str,
+    network: Network,
+    parameters: Any,
+    card: Mapping[str, Any],
+    storage: str = "float32",
 ) -> str:
-    """Writes the policy's parameters, and the card beside them as Markdown; returns their SHA-256.
+    """Writes the network's parameters, and the card beside them as Markdown; returns their SHA-256.
 
     `card` must hold FACTS, and may hold more; values are whatever JSON holds. `storage` "float16" halves
     the file; parameters are float32 again when loaded. The file appears whole or not at all.
-    Raises WeightsError for a card without its facts, or parameters that are not of the policy's size.
+    Raises WeightsError for a card without its facts, or parameters that are not of the network's size.
     """
     path = Path(path)
     if path.suffix != ".safetensors":
@@ -58,52 +63,66 @@ def save(
         raise WeightsError(f"{path}: the model card does not say: {', '.join(missing)}")
     if storage not in STORAGE:
         raise WeightsError(f"{path}: storage is {' or '.join(STORAGE)}, not {storage!r}")
-    found = _named(policy.parameters)
-    _check(path, {name: leaf.shape for name, leaf in found.items()}, policy.size, policy.robot)
+    found = _named(parameters)
+    _check(path, {name: leaf.shape for name, leaf in found.items()}, network)
     tensors = {name: np.asarray(leaf, storage) for name, leaf in found.items()}
     if infinite := [name for name, leaf in tensors.items() if not np.isfinite(leaf).all()]:
         raise WeightsError(f"{path}: not finite as {storage}: {infinite[0]}")
     digest = _digest(tensors)
     metadata = {
-        "format": FORMAT,
-        "size": json.dumps(asdict(policy.size)),
+        "format": network.format(),
+        "size": json.dumps(network.settings()),
         "card": json.dumps(dict(card)),
         "sha256": digest,
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     _write(path, serialised(tensors, metadata=metadata))
-    _write(path.with_suffix(".md"), _markdown(path.stem, policy, card, digest).encode())
+    _write(path.with_suffix(".md"), _markdown(path.stem, network, card, digest).encode())
     return digest
 
 
-def load(name: str | Path, robot: Robot = PANDA) -> Impact:
+def load(
+    name: str | Path,
+    networks: Mapping[str, type[Network]] = NETWORKS,
+    robot: Robot = PANDA,
+) -> Policy:
     """The shipped policy of that name, or that of a file, a path that ends in `.safetensors`.
 
+    `networks` are those that the file may be of, by the names that a user knows them by.
     Raises WeightsError, also where the network is one for another arm than `robot`: one line that names the
     file, what is wrong and what would be right.
     """
     path = _find(name)
     metadata, tensors = _read(path)
+    kind = _kind(path, metadata, networks)
     try:
-        size = _size(metadata.get("size", ""))
-        expected = shapes(size, robot)
-    except (ValueError, TypeError) as error:
-        raise WeightsError(f"{path}: not sizes of IMPACT: {_line(error)}") from None
-    _check(path, {key: leaf.shape for key, leaf in tensors.items()}, size, robot)
+        network = kind.from_settings(json.loads(metadata.get("size", "")), robot)
+    except (ValueError, TypeError, AttributeError) as error:
+        raise WeightsError(f"{path}: not sizes of {kind.title()}: {_line(error)}") from None
+    _check(path, {key: leaf.shape for key, leaf in tensors.items()}, network)
     if _digest(tensors) != metadata.get("sha256"):
         raise WeightsError(
             f"{path}: damaged: its numbers are not those that were saved; copy it anew"
         )
     parameters = jax.tree_util.tree_map_with_path(
-        lambda keys, _: jnp.asarray(tensors[_name(keys)], jnp.float32), expected
+        lambda keys, _: jnp.asarray(tensors[_name(keys)], jnp.float32), network.shapes()
     )
-    return Impact(parameters, size, metadata["sha256"], robot)
+    return network.policy(parameters, metadata["sha256"])
 
 
 def card(name: str | Path) -> dict[str, Any]:
     """The facts of a file's model card. Raises WeightsError as `load` does."""
-    metadata, _ = _read(_find(name))
+    path = _find(name)
+    metadata, _ = _read(path)
+    if "card" not in metadata:
+        raise WeightsError(f"{path}: not a file of drpbench train: it has no model card")
     return json.loads(metadata["card"])
+
+
+def checksum(name: str | Path) -> str:
+    """The SHA-256 of a file's numbers, as the file states it. Raises WeightsError as `load` does."""
+    metadata, _ = _read(_find(name))
+    return metadata.get("sha256", "")
 
 
 def _find(name: str | Path) -> Path:
@@ -129,29 +148,24 @@ def _read(path: Path) -> tuple[dict[str, str], dict[str, np.ndarray]]:
         raise WeightsError(
             f"{path}: not a whole safetensors file ({_line(error)}); copy it anew"
         ) from None
-    if metadata.get("format") != FORMAT:
-        other = metadata.get("format", "none")
-        raise WeightsError(f"{path}: not IMPACT's weights: its format is {other}, not {FORMAT}")
     return metadata, tensors
 
 
-def _size(text: str) -> ImpactSize:
-    """The sizes that a file states. Raises ValueError or TypeError."""
-    values: Any = json.loads(text)
-    names = {field.name for field in fields(ImpactSize)}
-    # A file from before a size existed is of a network without it: the defaults say so.
-    since = {"feelers", "feeler_radius", "feeler_samples"}
-    if not isinstance(values, dict) or not names - since <= values.keys() <= names:
-        raise ValueError(f"they must be {', '.join(sorted(names))}")
-    sizes: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value for name, value in values.items()
-    }
-    return ImpactSize(**sizes)
+def _kind(
+    path: Path, metadata: Mapping[str, str], networks: Mapping[str, type[Network]]
+) -> type[Network]:
+    """The network that the file's format names."""
+    by_format = {kind.format(): kind for kind in networks.values()}
+    stated = metadata.get("format", "none")
+    if stated not in by_format:
+        known = ", ".join(f"{name} ({kind.format()})" for name, kind in networks.items())
+        raise WeightsError(f"{path}: of an unknown network: expected {known}, got format {stated}")
+    return by_format[stated]
 
 
-def _check(path: Path, found: Mapping[str, tuple], size: ImpactSize, robot: Robot) -> None:
-    """Raises WeightsError unless these are the names and shapes of a network of this size for the arm."""
-    expected = {name: leaf.shape for name, leaf in _named(shapes(size, robot)).items()}
+def _check(path: Path, found: Mapping[str, tuple], network: Network) -> None:
+    """Raises WeightsError unless these are the names and shapes of a network of this size."""
+    expected = {name: leaf.shape for name, leaf in _named(network.shapes()).items()}
     missing, unknown = sorted(expected.keys() - found), sorted(found.keys() - expected)
     if missing:
         raise WeightsError(f"{path}: {len(missing)} tensors are missing, first {missing[0]}")
@@ -160,19 +174,20 @@ def _check(path: Path, found: Mapping[str, tuple], size: ImpactSize, robot: Robo
     for name, shape in expected.items():
         if found[name] != shape:
             raise WeightsError(
-                f"{path}: {name} has shape {found[name]}; its sizes ask for {shape}{_of(robot)}"
+                f"{path}: {name} has shape {found[name]}; its sizes ask for {shape}{_of(network)}"
             )
 
 
-def _of(robot: Robot) -> str:
+def _of(network: Network) -> str:
+    robot = getattr(network, "robot", PANDA)
     return f" for {robot.name} ({robot.joints} joints)" if robot != PANDA else ""
 
 
-def _name(keys: tuple) -> str:
-    return ".".join(str(key.key) for key in keys)
+def _name(keys: tuple[Any, ...]) -> str:
+    return jax.tree_util.keystr(keys, simple=True, separator=".")
 
 
-def _named(parameters: Parameters) -> dict[str, Any]:
+def _named(parameters: Any) -> dict[str, Any]:
     """Arrays by dotted name, such as `encoder.0.attention.query.kernel`."""
     return {_name(keys): leaf for keys, leaf in jax.tree_util.tree_leaves_with_path(parameters)}
 
@@ -201,16 +216,17 @@ def _line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _markdown(name: str, policy: Impact, card: Mapping[str, Any], digest: str) -> str:
+def _markdown(name: str, network: Network, card: Mapping[str, Any], digest: str) -> str:
     """The model card: one row a fact; a fact that holds facts is a table of its own."""
-    count = sum(int(np.prod(leaf.shape)) for leaf in jax.tree.leaves(policy.parameters))
+    count = sum(int(np.prod(leaf.shape)) for leaf in jax.tree.leaves(network.shapes()))
     simple = {key: value for key, value in card.items() if not isinstance(value, Mapping)}
-    lines = [f"# {name}", "", f"IMPACT with {count:,} parameters.", ""]
+    lines = [f"# {name}", "", f"{network.title()} with {count:,} parameters.", ""]
     lines += _table(simple | {"sha256 of the numbers": digest})
     for key, value in card.items():
         if isinstance(value, Mapping):
             lines += ["", f"## {key.capitalize()}", "", *_table(value)]
-    lines += ["", "## Sizes", "", *_table(asdict(policy.size))]
+    if sizes := network.settings():
+        lines += ["", "## Sizes", "", *_table(sizes)]
     return "\n".join(lines) + "\n"
 
 

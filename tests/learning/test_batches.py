@@ -15,14 +15,14 @@ from drpbench.robot import PANDA
 
 @pytest.fixture(scope="module")
 def batch(demonstrations):
-    return jax.jit(lambda key: batches.draw(key, demonstrations, 128, 512))(jax.random.key(3))
+    return jax.jit(lambda key: batches.sample(key, demonstrations, 128, 512))(jax.random.key(3))
 
 
 def test_the_way_left_solves_its_differential_equation():
     step, left = 1e-4, 0.5
     walked = [left]
     for _ in range(30000):
-        left -= step * SPEED * min(1.0, left / batches.NEAR)
+        left -= step * SPEED * min(1.0, left / batches.near())
         walked.append(left)
     times = jnp.arange(0, 30001, 1000) * step
     closed = batches.way_left(jnp.full(len(times), 0.5), times)
@@ -86,7 +86,7 @@ def test_targets_stay_near_the_arm_and_within_its_limits(batch):
 
 
 def test_the_same_key_draws_the_same_batch(batch, demonstrations):
-    again = jax.jit(lambda key: batches.draw(key, demonstrations, 128, 512))(jax.random.key(3))
+    again = jax.jit(lambda key: batches.sample(key, demonstrations, 128, 512))(jax.random.key(3))
     for a, b in zip(jax.tree.leaves(batch), jax.tree.leaves(again), strict=True):
         assert np.array_equal(a, b)
 

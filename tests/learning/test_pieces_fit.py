@@ -13,13 +13,14 @@ from drpbench.evaluation import Request, run
 from drpbench.generation.training_problems import Drawer
 from drpbench.geometry import stacked
 from drpbench.learning import train as training
-from drpbench.learning.pretraining import Settings
+from drpbench.learning.cloning import CloningSettings
+from drpbench.learning.learners.impact import ImpactLearner
 from drpbench.learning.production import batch_size, solve
 from drpbench.learning.validation import problems
-from drpbench.policies.networks.impact import SIZES, ImpactSize
+from drpbench.policies.networks.impact_size import ImpactSize
 from drpbench.problems import ProblemSet, TaskProblems
 
-from .test_pretraining import Fixed
+from .tiny import Fixed
 
 pytestmark = pytest.mark.slow
 
@@ -85,11 +86,10 @@ def as_set(drawn):
 def test_what_was_learned_by_heart_is_solved_in_closed_loop(solved, tmp_path, monkeypatch):
     demonstrations, drawn = solved
     assert len(drawn) == COUNT
-    monkeypatch.setitem(SIZES, "slim", SLIM)
-    settings = Settings(steps=1200, batch=128, learning_rate=2e-3, averaging=0.99)
+    settings = CloningSettings(steps=1200, batch=128, learning_rate=2e-3, averaging=0.99)
     wanted = training.Run(
         tmp_path / "run",
-        "slim",
+        ImpactLearner(SLIM),
         settings,
         report_every=400,
         checkpoint_every=1200,

@@ -2,7 +2,7 @@
 
 import json
 import struct
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 
 import jax
 import jax.numpy as jnp
@@ -15,8 +15,10 @@ from drpbench.contract import Policy, observation_spec
 from drpbench.plugins.imported import nothing_seen
 from drpbench.plugins.registry import parameters as header_parameters
 from drpbench.policies import weights
+from drpbench.policies.networks import Network
 from drpbench.policies.networks.chunks import commanded
 from drpbench.policies.networks.impact import apply, initial
+from drpbench.policies.networks.impact_format import ImpactFormat
 from drpbench.policies.networks.impact_policy import Impact
 from drpbench.policies.networks.impact_size import ImpactSize
 from drpbench.policies.weights import FACTS, WeightsError, load, save
@@ -39,6 +41,7 @@ TINY = ImpactSize(
     encoder_layers=1,
     decoder_layers=1,
 )
+NETWORK = ImpactFormat(TINY)
 CARD = {
     "data": "100 problems",
     "steps": 5,
@@ -50,13 +53,13 @@ CARD = {
 
 @pytest.fixture(scope="module")
 def policy():
-    return Impact(initial(TINY), TINY)
+    return NETWORK.policy(initial(TINY))
 
 
 @pytest.fixture
 def file(policy, tmp_path):
     path = tmp_path / "tiny.safetensors"
-    save(path, policy, CARD)
+    save(path, NETWORK, policy.parameters, CARD)
     return path
 
 
@@ -98,13 +101,18 @@ def test_the_card_says_every_fact(file):
 @pytest.mark.parametrize("fact", FACTS)
 def test_a_card_without_a_fact_is_refused(policy, tmp_path, fact):
     with pytest.raises(WeightsError, match=fact):
-        save(tmp_path / "x.safetensors", policy, {k: v for k, v in CARD.items() if k != fact})
+        save(
+            tmp_path / "x.safetensors",
+            NETWORK,
+            policy.parameters,
+            {k: v for k, v in CARD.items() if k != fact},
+        )
     assert not list(tmp_path.iterdir())
 
 
 def test_half_the_storage(policy, file, tmp_path):
     half = tmp_path / "half.safetensors"
-    save(half, policy, CARD, storage="float16")
+    save(half, NETWORK, policy.parameters, CARD, storage="float16")
     assert half.stat().st_size < 0.75 * file.stat().st_size
     found = load(half)
     assert {leaf.dtype for leaf in jax.tree.leaves(found.parameters)} == {jnp.dtype("float32")}
@@ -119,13 +127,13 @@ def test_saving_what_cannot_be_loaded_is_refused(policy, tmp_path):
     path = tmp_path / "x.safetensors"
     wrong = jax.tree.map(lambda leaf: jnp.full_like(leaf, jnp.nan), policy.parameters)
     with pytest.raises(WeightsError, match="finite"):
-        save(path, Impact(wrong, TINY), CARD)
+        save(path, NETWORK, wrong, CARD)
     with pytest.raises(WeightsError, match="storage"):
-        save(path, policy, CARD, storage="int8")
+        save(path, NETWORK, policy.parameters, CARD, storage="int8")
     with pytest.raises(WeightsError, match="safetensors"):
-        save(tmp_path / "x.pkl", policy, CARD)
+        save(tmp_path / "x.pkl", NETWORK, policy.parameters, CARD)
     with pytest.raises(WeightsError, match="missing"):
-        save(path, Impact({"out": policy.parameters["out"]}, TINY), CARD)
+        save(path, NETWORK, {"out": policy.parameters["out"]}, CARD)
     assert not list(tmp_path.iterdir())
 
 
@@ -168,10 +176,49 @@ def test_a_changed_number_is_refused(file):
     assert "damaged" in refused(file)
 
 
-def test_another_format_is_refused(file):
-    assert "not IMPACT's" in refused(rewritten(file, format="drpbench-impact-99"))
+@pytest.mark.parametrize("stated", ["drpbench-impact-99", "my_package.my_module:Mine"])
+def test_an_unknown_network_lists_those_there_are(file, stated):
+    message = refused(rewritten(file, format=stated))
+    assert f"got format {stated}" in message
+    assert "unknown network" in message and "impact (drpbench-impact-1)" in message
+
+
+def test_a_file_of_no_network_is_refused(file):
     save_file({"a": np.zeros(3, np.float32)}, file)
-    assert "not IMPACT's" in refused(file)
+    assert "unknown network" in refused(file) and "format none" in refused(file)
+    with pytest.raises(WeightsError, match="no model card"):
+        weights.card(file)
+
+
+@dataclass(frozen=True)
+class Pair(Network):
+    """A network of another kind: its tree holds a list, its sizes a tuple."""
+
+    widths: tuple[int, ...] = (2, 3)
+
+    def shapes(self):
+        return {"layers": [jax.ShapeDtypeStruct((width,), "float32") for width in self.widths]}
+
+    def policy(self, parameters, weights=""):
+        return Impact(parameters, TINY, weights)  # any policy that keeps them
+
+
+def test_a_network_of_another_kind_comes_back_whole(tmp_path):
+    path, network = tmp_path / "pair.safetensors", Pair((4, 1))
+    parameters = {"layers": [jnp.arange(4.0), jnp.ones(1)]}
+    digest = save(path, network, parameters, CARD)
+    assert set(load_file(path)) == {"layers.0", "layers.1"}
+    assert "Pair with 5 parameters." in path.with_suffix(".md").read_text()
+    found = load(path, {"pair": Pair})
+    assert found.weights == digest == weights.checksum(path)
+    jax.tree.map(np.testing.assert_array_equal, found.parameters, parameters)
+    with pytest.raises(
+        WeightsError, match=r"expected impact \(drpbench-impact-1\), got format .*:Pair"
+    ):
+        load(path)
+    rewritten(path, size=json.dumps({"depth": 3}))
+    with pytest.raises(WeightsError, match="not sizes of Pair: expected widths, got depth"):
+        load(path, {"pair": Pair})
 
 
 def test_a_file_from_before_feelers_is_of_a_network_without(file):

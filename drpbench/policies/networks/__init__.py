@@ -1,1 +1,3 @@
 """Networks, and what they are built of."""
+
+from .network import Network as Network

@@ -1,8 +1,4 @@
-"""Behaviour cloning: IMPACT learns the expert's next moves from demonstrations.
-
-The paper's loss over a chunk of S rows, on rows in the units of `drpbench.policies.networks.chunks`:
-
-    L = 1/S sum_k |chunk_k - answer_k|
+"""Behaviour cloning: a network learns the expert's next moves from demonstrations.
 
 Samples, their point clouds, gradients and updates are one compiled program, many steps a call: nothing
 passes through the host. Every random number comes from the seed and the step's number, so that a run
@@ -21,14 +17,12 @@ import optax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float, Int
 
-from drpbench.policies.networks.impact import ImpactSize, apply, initial
-
-from .batches import Batch, draw
 from .demonstrations import Demonstrations
+from .learner import Learner
 
 
 @dataclass(frozen=True)
-class Settings:
+class CloningSettings:
     """The paper's hyperparameters, but for the number of steps (the paper: 1,000,000)."""
 
     steps: int = 100_000
@@ -64,11 +58,11 @@ def piece_size(batch: int) -> int:
     return next((size for size in range(32, 15, -1) if batch % size == 0), batch)
 
 
-class Pretraining:
+class Cloning:
     """The compiled training of one network with one set of settings."""
 
-    def __init__(self, size: ImpactSize, settings: Settings):
-        self.size, self.settings = size, settings
+    def __init__(self, learner: Learner, settings: CloningSettings):
+        self.learner, self.settings = learner, settings
         self.schedule = optax.warmup_cosine_decay_schedule(
             0.0, settings.learning_rate, settings.warmup, max(settings.steps, settings.warmup + 1)
         )
@@ -87,7 +81,7 @@ class Pretraining:
 
     def begin(self) -> TrainingState:
         """The state before the first step."""
-        parameters = initial(self.size, self.settings.seed)
+        parameters = self.learner.initial(self.settings.seed)
         return self._everywhere(
             TrainingState(
                 step=jnp.int32(0),
@@ -105,14 +99,11 @@ class Pretraining:
         """The demonstrations where training needs them: on every device, for good."""
         return self._everywhere(jax.tree.map(jnp.asarray, demonstrations))
 
-    def loss(self, parameters: Any, batch: Batch) -> Float[Array, ""]:
-        seen = (batch.scene_points, batch.scene_mask, batch.robot_points, batch.joints, batch.goal)
-        answer = apply(self.size, parameters, *seen, dtype=self.settings.precision)
-        squares = jnp.sum(jnp.square(batch.chunk - answer), axis=-1)
-        # The root's slope at zero is infinite.
-        return jnp.mean(jnp.sqrt(squares + 1e-6))
+    def loss(self, parameters: Any, batch: Any) -> Float[Array, ""]:
+        """The learner's loss in the precision of the settings."""
+        return self.learner.loss(parameters, batch, self.settings.precision)
 
-    def _slope(self, parameters: Any, batch: Batch) -> tuple[Float[Array, ""], Any]:
+    def _gradient(self, parameters: Any, batch: Any) -> tuple[Float[Array, ""], Any]:
         """Loss and gradient over a batch: on a processor in pieces that stay in its cache."""
         pieces = self.settings.batch // piece_size(self.settings.batch)
 
@@ -134,10 +125,10 @@ class Pretraining:
 
         def step(state: TrainingState, _):
             key = jax.random.fold_in(jax.random.key(self.settings.seed), state.step)
-            batch = draw(key, demonstrations, self.settings.batch, self.size.points_seen)
+            batch = self.learner.sample(key, demonstrations, self.settings.batch)
             batch = jax.lax.with_sharding_constraint(batch, split)
-            loss, slope = self._slope(state.parameters, batch)
-            updates, optimiser = self._optimiser.update(slope, state.optimiser, state.parameters)
+            loss, gradient = self._gradient(state.parameters, batch)
+            updates, optimiser = self._optimiser.update(gradient, state.optimiser, state.parameters)
             parameters = optax.apply_updates(state.parameters, updates)
             # While there is little to average, the average forgets faster.
             keep = jnp.minimum(self.settings.averaging, (1.0 + state.step) / (10.0 + state.step))
