@@ -24,6 +24,7 @@ from .dynamics import CONTROL_PERIOD, SUBSTEPS, substep
 from .movers import Movers
 from .observation import Observation
 from .problem import Problem
+from .random import quickly_compiled
 from .tasks import Arm, Task
 
 
@@ -75,7 +76,7 @@ class World:
 
     def reset(self, problem: Problem, key: PRNGKeyArray) -> State:
         """The state before the first control step. All of the episode's randomness is `key`'s."""
-        task_key, static_key, mover_key = jax.random.split(key, 3)
+        task_key, static_key, mover_key = jax.random.split(quickly_compiled(key), 3)
         start = jnp.asarray(problem.start)
         arm = _arm(start)
         movers, memory = self.task.reset(problem, arm, task_key)
