@@ -1,4 +1,4 @@
-"""The world's random numbers: those of JAX, in code that compiles in a third of the time on the CPU.
+"""The world's random numbers: those of JAX, in code that the CPU's compiler takes less time over.
 
 JAX computes a block of random bits over an array of the shape asked for, batch axes included. LLVM unrolls
 the short axes of such an array, and a reset draws some twenty of them. Here the same blocks are computed
