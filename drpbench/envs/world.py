@@ -25,6 +25,7 @@ from drpbench.robot import PANDA, Robot
 from .arm import Arm
 from .contact import contact
 from .dynamics import SUBSTEPS, substep
+from .random import quickly_compiled
 from .tasks.task import RehearsedTask, Task
 
 
@@ -84,7 +85,7 @@ class World:
 
     def reset(self, problem: Problem, key: PRNGKeyArray) -> State:
         """The state before the first control step. All of the episode's randomness is `key`'s."""
-        task_key, *sensor_keys = jax.random.split(key, 3)
+        task_key, *sensor_keys = jax.random.split(quickly_compiled(key), 3)
         start = jnp.asarray(problem.start)
         arm = Arm.of(self.robot, start)
         movers, memory = self.task.reset(problem, arm, task_key, self.episode)

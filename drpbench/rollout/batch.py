@@ -20,7 +20,7 @@ from .step import Record
 
 LANES = 64
 """Smallest compiled batch. XLA's rounding depends on shapes, so smaller batches are padded to it."""
-_CHUNK = 100  # control steps a call
+CHUNK = 100  # control steps a call
 
 
 def silent(steps: int) -> None:
@@ -62,8 +62,8 @@ class Rollout:
     """A policy, in JAX or outside it, in a world: batches of one compiled size.
 
     Rollouts share their compiled programs where their worlds are equal and their policies differ in
-    parameters only. A policy outside jit sees the real instances alone. Where it fails, its arms stop where they are, the episode goes on
-    without it, and the trace says why in `failure`.
+    parameters only. A policy outside jit sees the real instances alone. Where it fails, its arms stop where
+    they are, the episode goes on without it, and the trace says why in `failure`.
     """
 
     def __init__(self, world: World, policy: Policy | Hosted, seed: int = 0, lanes: int = LANES):
@@ -108,9 +108,9 @@ def device_pass(
 ) -> tuple[Record, State]:
     """Every step of an episode from its first state: the records, time first, and the last state."""
     chunks, steps = [], world.episode.steps
-    for first in range(0, steps, _CHUNK):
-        clocks = jnp.arange(first, min(first + _CHUNK, steps), dtype=jnp.int32)
-        state, carry, records = _advance(world, policy, seed, state, carry, clocks)
+    for first in range(0, steps, CHUNK):
+        clocks = jnp.arange(first, min(first + CHUNK, steps), dtype=jnp.int32)
+        state, carry, records = advance(world, policy, seed, state, carry, clocks)
         chunks.append(jax.tree.map(np.asarray, records))
         advanced(len(clocks))
     return jax.tree.map(lambda *parts: np.concatenate(parts), *chunks), state
@@ -131,9 +131,10 @@ def begin(
 
 
 @partial(jit, static_argnums=(0, 2))
-def _advance(
+def advance(
     world: World, policy: Policy, seed: int, state: State, carry: Any, clocks: jax.Array
 ) -> tuple[State, Any, Record]:
+    """The worlds after the control steps `clocks`, with the records of each, time first."""
     one = partial(one_world.step, world, policy, seed)
 
     def step(worlds: tuple[State, Any], clock: jax.Array) -> tuple[tuple[State, Any], Record]:
