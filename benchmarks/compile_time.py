@@ -94,7 +94,9 @@ def part_costs(world: World, policy: Any, problems: Any) -> Iterator[tuple[str, 
         "link poses": lambda state: robot.link_poses(state.joint_position),
         "MJX substep": move,
         "contact": touch,
-        "self-clearance": lambda state: robot.self_clearance(robot.link_poses(state.joint_position)),
+        "self-clearance": lambda state: robot.self_clearance(
+            robot.link_poses(state.joint_position)
+        ),
         "world's step": lambda state: world.step(state, state.reference, jnp.int32(0)),
     }
     yield "observation and policy", measured(jit(jax.vmap(answer)), state, carry)[0]

@@ -24,12 +24,12 @@ from drpbench.compile import use_cache
 from drpbench.generation.certificate import certify
 from drpbench.generation.generator import CHECKER_MARGIN, PATH_CLEARANCE
 from drpbench.geometry import Obstacles, Primitives, stacked
-from drpbench.leaderboard import wilson
 from drpbench.planning.checker import Checker, sphere_checker
 from drpbench.planning.expert import CHEAP, THOROUGH, PlannerSettings, planner
 from drpbench.planning.retiming import step_lengths
 from drpbench.planning.rrt_connect import Planner
 from drpbench.problems import load_set
+from drpbench.ranking import wilson
 from drpbench.robot import PANDA
 
 WIDTH = 24  # obstacle slots

@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from drpbench.evaluation import Request, run
-from drpbench.leaderboard import load_dir
 from drpbench.problems import load_set
+from drpbench.ranking import load_dir
 from drpbench.report.page import write_report
 from drpbench.report.pictures import pictures
 from drpbench.results import Header, Result, Row, save

@@ -25,7 +25,7 @@ from drpbench.geometry import (
     quaternion_to_matrix,
     signed_distance,
 )
-from drpbench.leaderboard import wilson
+from drpbench.ranking import wilson
 from drpbench.robot import PANDA
 from drpbench.robot.arms.panda.fingers import FINGER_OPENING
 from drpbench.robot.link_meshes import load_link_meshes

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from drpbench.leaderboard import load_dir
 from drpbench.problems import load_set
+from drpbench.ranking import load_dir
 from drpbench.report.page import write_report
 from drpbench.results.shipped import shipped_results
 

@@ -8,8 +8,8 @@ The text between the lines `<!-- scores -->` and `<!-- end of scores -->` is rep
 from pathlib import Path
 
 from drpbench.evaluation import build, load_dir
-from drpbench.leaderboard.tables import render_markdown
 from drpbench.problems import load_set
+from drpbench.ranking.tables import render_markdown
 from drpbench.results.shipped import shipped_results
 
 ROOT = Path(__file__).parents[1]

@@ -39,6 +39,7 @@ def names(requirements):
         ("train", "orbax", "train impact --out new"),
         ("train", "mink", "correct weights.safetensors --data data --out new"),
         ("record", "mcap", "replay result.json --id 3"),
+        ("record", "mcap", "report --out new.html"),
         ("record", "zstandard", "replay FDO-00003.mcap"),
         ("record", "foxglove_schemas_protobuf", "run --task FDO --problems 1 --record"),
     ],
@@ -63,7 +64,7 @@ def test_the_core_needs_no_package_of_an_extra(command):
 @pytest.mark.slow
 def test_a_run_with_the_papers_method_needs_no_package_of_an_extra():
     code = (
-        "import drpbench.evaluation, drpbench.evaluation.referee, drpbench.evaluation.doctor; "
+        "import drpbench.rollout, drpbench.evaluation.referee, drpbench.evaluation.doctor; "
         "from drpbench.plugins.registry import choose; print(choose('drp').policy.privileged)"
     )
     done = without(set(BEYOND_CORE) - FROM_FLAX, code=code)

@@ -41,9 +41,9 @@ def test_links_and_pictures_are_there():
 
 
 def test_the_scores_shown_are_those_of_the_shipped_rows():
-    from drpbench.leaderboard import build, load_dir
-    from drpbench.leaderboard.tables import render_markdown
     from drpbench.problems import load_set
+    from drpbench.ranking import build, load_dir
+    from drpbench.ranking.tables import render_markdown
     from drpbench.results.shipped import shipped_results
 
     everything = render_markdown(build(load_dir(shipped_results()), load_set().counts)).strip()

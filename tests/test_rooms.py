@@ -23,23 +23,23 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rollout": {"geometry", "robot", "contract", "problems", "envs", "policies", "plugins"},
     "results": {"contract", "rollout"},
     # Tasks say which of their episodes may be no instance.
-    "leaderboard": {"contract", "robot", "problems", "envs", "results"},
+    "ranking": {"contract", "robot", "problems", "envs", "results"},
     "evaluation": {
         *("geometry", "robot", "contract", "planning", "problems", "envs", "policies"),
-        *("baselines", "plugins", "rollout", "results", "leaderboard"),
+        *("baselines", "plugins", "rollout", "results", "ranking"),
     },
     "learning": {
         *("geometry", "robot", "contract", "planning", "problems", "generation", "perception"),
         # A network of the user's own is imported as a policy is.
-        *("envs", "policies", "plugins", "rollout", "leaderboard", "evaluation"),
+        *("envs", "policies", "plugins", "rollout", "ranking", "evaluation"),
     },
     "recording": {
         *("geometry", "robot", "contract", "problems", "perception", "envs", "policies"),
-        *("plugins", "rollout", "results", "leaderboard", "evaluation"),
+        *("plugins", "rollout", "results", "ranking", "evaluation"),
     },
     "report": {
         *("geometry", "robot", "contract", "problems", "policies", "plugins", "rollout"),
-        *("results", "leaderboard", "evaluation", "recording"),
+        *("results", "ranking", "evaluation", "recording"),
     },
     "gym": {
         *("geometry", "robot", "contract", "problems", "generation", "envs", "rollout"),

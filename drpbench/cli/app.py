@@ -166,7 +166,7 @@ def run(
     from drpbench.evaluation import Request
     from drpbench.evaluation import run as run_request
     from drpbench.evaluation.progress import Bars
-    from drpbench.leaderboard import build, render_entry
+    from drpbench.ranking import build, render_entry
     from drpbench.rollout import LANES
 
     default = LANES if jax.default_backend() == "cpu" else 2048
@@ -209,8 +209,8 @@ def leaderboard(
     """Compare results: every figure recomputed from the rows, with 95 % intervals."""
     from rich.console import Console
 
-    from drpbench.leaderboard import build, load_dir
-    from drpbench.leaderboard.tables import render_markdown, render_terminal
+    from drpbench.ranking import build, load_dir
+    from drpbench.ranking.tables import render_markdown, render_terminal
     from drpbench.results.shipped import shipped_results
 
     results = load_dir(folder if folder is not None else shipped_results())

@@ -49,7 +49,7 @@ def given_set(path: Path | None) -> "ProblemSet | None":
 
 def set_of_results(results: "Mapping[str, Result]", path: Path | None) -> "ProblemSet":
     """The set that the first of the results was made on: in the file named, or in the package."""
-    from drpbench.leaderboard.submission import set_of
+    from drpbench.ranking.submission import set_of
 
     name, result = next(iter(results.items()))
     return set_of(name, result.header, given_set(path))

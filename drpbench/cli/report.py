@@ -8,6 +8,8 @@ import typer
 
 from drpbench.errors import InputError
 
+from .extras import require
+
 from .options import ProblemsFrom, set_of_results
 
 if TYPE_CHECKING:
@@ -32,11 +34,12 @@ def report(
     problems_from: ProblemsFrom = None,
 ) -> None:
     """Write one HTML file on results: leaderboard, charts, failures. A report that is there is replaced."""
+    require("record", "drpbench report")
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--out {out}: the report must end in .html")
     if thumbnails is not None and thumbnails < 0:
         raise InputError(f"--thumbnails {thumbnails}: must not be negative; 0 is none")
-    from drpbench.leaderboard import build, load_dir
+    from drpbench.ranking import build, load_dir
     from drpbench.report.page import write_report
     from drpbench.results.shipped import shipped_results
 

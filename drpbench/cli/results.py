@@ -23,8 +23,8 @@ def submit(
     """
     from rich.console import Console
 
-    from drpbench.leaderboard import load_dir, render_entry
-    from drpbench.leaderboard.submission import assess
+    from drpbench.ranking import load_dir, render_entry
+    from drpbench.ranking.submission import assess
     from drpbench.results import load
     from drpbench.results.shipped import shipped_results
 

@@ -26,7 +26,7 @@ from .arm import Arm
 from .contact import contact
 from .dynamics import SUBSTEPS, substep
 from .random import quickly_compiled
-from .tasks.task import RehearsedTask, Task
+from .tasks.task import Task
 
 
 @jax.tree_util.register_dataclass
@@ -100,16 +100,6 @@ class World:
             memory=memory,
             cloud=self.sensor.reset(tuple(sensor_keys), problem, self.task.movers),
         )
-
-    def second_pass(self, state: State, path: Float[Array, "steps 3"]) -> State:
-        """The state before the first control step of a rehearsed task's second pass.
-
-        `state` is what `reset` gave; `path` is where grip was [m] after each step of the first pass. Raises
-        TypeError for a task without a second pass.
-        """
-        if not isinstance(self.task, RehearsedTask):
-            raise TypeError(f"expected a task with a second pass, got {self.task.name}")
-        return replace(state, memory=self.task.second_pass(state.memory, path))
 
     def obstacles(self, state: State) -> Primitives:
         """Every obstacle there is: the static scene's, then the moving boxes."""

@@ -19,8 +19,8 @@ import numpy as np
 from drpbench.contract import EPISODE
 from drpbench.errors import DrpbenchError
 from drpbench.geometry import Obstacles
-from drpbench.leaderboard import wilson
 from drpbench.problems import ProblemSet, ProblemSetError, TaskProblems, matching
+from drpbench.ranking import wilson
 from drpbench.results import Result, Row
 from drpbench.robot import PANDA, Robot
 

@@ -4,11 +4,11 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from drpbench.leaderboard.submission import set_of
 from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.host import TIME_LIMIT
 from drpbench.plugins.registry import choose
 from drpbench.problems import ProblemSet
+from drpbench.ranking.submission import set_of
 from drpbench.results import Header, Result, ResultsError
 from drpbench.results.schema import Scalar
 

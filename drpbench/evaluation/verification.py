@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drpbench.leaderboard.submission import check
 from drpbench.problems import ProblemSet
+from drpbench.ranking.submission import check
 from drpbench.results import Header, Result, ResultsError, Row
 from drpbench.results.schema import Scalar
 

@@ -40,7 +40,6 @@ def certify(
     goal: np.ndarray,
     spheres: Checker,
     meshes: Checker | None,
-    robot: Robot = PANDA,
 ) -> Certificate:
     """Checks a witness (m, J) [rad] from `start` (J,) to `goal` (J,) in the checkers' scene.
 

@@ -95,7 +95,7 @@ class Generator:
         if self._meshes is not None:
             self._meshes.set_obstacles(scene.obstacles)
         fault = certificate.certify(
-            witness, start, goal, self._spheres, self._meshes, self._robot
+            witness, start, goal, self._spheres, self._meshes
         ).fault
         if fault is not None:
             raise Rejected("no certificate")

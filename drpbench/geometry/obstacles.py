@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .primitives import BOX, Primitives, quaternion_to_matrix
+from .primitives import BOX, Primitives
+from .rotation import quaternion_to_matrix
 
 _FILLER = 0.01  # [m] half size: a proper box, so that geometry on padded arrays stays finite
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from drpbench.leaderboard import wilson
+from drpbench.ranking import wilson
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Self
 
-from drpbench.leaderboard.submission import set_of
 from drpbench.problems import ProblemSet, TaskProblems
+from drpbench.ranking.submission import set_of
 from drpbench.results import Header, Result
 from drpbench.results import load as load_result
 from drpbench.rollout import Trace

@@ -11,8 +11,8 @@ import numpy as np
 
 from drpbench.evaluation.rerun import rerun
 from drpbench.evaluation.run import device_name, versions, world_of
-from drpbench.leaderboard.submission import check, set_of
 from drpbench.problems import ProblemSet
+from drpbench.ranking.submission import check, set_of
 from drpbench.results import Header, Result, Row
 from drpbench.results.names import trajectories_file
 from drpbench.results.trajectories import load_trajectories

@@ -10,7 +10,7 @@ from pathlib import PurePath
 import numpy as np
 
 from drpbench.contract import EPISODE
-from drpbench.leaderboard import Leaderboard, wilson
+from drpbench.ranking import Leaderboard, wilson
 from drpbench.results import Result, Row
 
 from .recordings import Instance, Kept, gallery

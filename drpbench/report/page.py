@@ -16,9 +16,9 @@ from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 
-from drpbench.leaderboard import Leaderboard, build
-from drpbench.leaderboard.board import Cell, Entry
-from drpbench.leaderboard.tables import ABSENT, ALL, MEASURES, PAIRED, PARTIAL, PRIVILEGED
+from drpbench.ranking import Leaderboard, build
+from drpbench.ranking.board import Cell, Entry
+from drpbench.ranking.tables import ABSENT, ALL, MEASURES, PAIRED, PARTIAL, PRIVILEGED
 from drpbench.results import Result, ResultsError
 from drpbench.results.names import recordings_folder
 

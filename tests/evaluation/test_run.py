@@ -12,11 +12,11 @@ from drpbench.evaluation import Request, run
 from drpbench.evaluation.progress import Silent
 from drpbench.evaluation.run import world_of
 from drpbench.evaluation.verification import verify
-from drpbench.leaderboard import load_dir
-from drpbench.leaderboard.submission import assess, check
 from drpbench.perception import SurfaceCloud
 from drpbench.problems import ProblemSetError, load_set
 from drpbench.problems.lines import FORMAT
+from drpbench.ranking import load_dir
+from drpbench.ranking.submission import assess, check
 from drpbench.results import ResultsError, save
 from drpbench.results.shipped import shipped_results
 from drpbench.robot import PANDA

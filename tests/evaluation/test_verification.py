@@ -8,8 +8,8 @@ from drpbench.cli import app as cli
 from drpbench.evaluation import rerun
 from drpbench.evaluation.run import KEPT
 from drpbench.evaluation.verification import sample, verify
-from drpbench.leaderboard import load_dir
 from drpbench.plugins.errors import PolicyError
+from drpbench.ranking import load_dir
 from drpbench.results import Header, Result, ResultsError, Row, save
 from drpbench.results.shipped import shipped_results
 

@@ -12,8 +12,8 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from drpbench.cli.app import app
-from drpbench.leaderboard import build, load_dir, wilson
 from drpbench.problems import load_set
+from drpbench.ranking import build, load_dir, wilson
 from drpbench.recording import RecordingError, Replay
 from drpbench.recording.container import MAGIC
 from drpbench.report.figures import (

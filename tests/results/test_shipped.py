@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from drpbench.leaderboard import load_dir
+from drpbench.ranking import load_dir
 from drpbench.results import load, save, shipped
 from drpbench.results.shipped import shipped_results
 

@@ -9,10 +9,10 @@ import pytest
 from drpbench.contract import EPISODE
 from drpbench.envs import TASKS, World
 from drpbench.geometry import quaternion_to_matrix
-from drpbench.leaderboard import load_dir
 from drpbench.plugins.host import Hosted
 from drpbench.policies import Straight
 from drpbench.problems import ProblemSetError, load_set
+from drpbench.ranking import load_dir
 from drpbench.results.shipped import shipped_results
 from drpbench.robot import PANDA
 from drpbench.viewer import Simulation

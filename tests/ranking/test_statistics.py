@@ -7,8 +7,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from drpbench.leaderboard import wilson
-from drpbench.leaderboard.statistics import Paired, mcnemar, paired
+from drpbench.ranking import wilson
+from drpbench.ranking.statistics import Paired, mcnemar, paired
 
 counts = st.integers(1, 5000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
 

@@ -3,9 +3,9 @@ import io
 import pytest
 from rich.console import Console
 
-from drpbench.leaderboard import build, render_entry
-from drpbench.leaderboard.reported import REPORTED, REPORTED_NOTE, REPORTED_TASKS
-from drpbench.leaderboard.tables import render_markdown, render_terminal
+from drpbench.ranking import build, render_entry
+from drpbench.ranking.reported import REPORTED, REPORTED_NOTE, REPORTED_TASKS
+from drpbench.ranking.tables import render_markdown, render_terminal
 from drpbench.results import Result
 
 EXPECTED = {"SE": 3200, "SAO": 300, "FDO": 200, "GB": 200, "DGB": 400}

@@ -1,6 +1,6 @@
 """The leaderboard: every figure recomputed from the rows of result files.
 
-Pure data; :mod:`drpbench.leaderboard.tables` shows it.
+Pure data; :mod:`drpbench.ranking.tables` shows it.
 """
 
 from __future__ import annotations

@@ -9,9 +9,9 @@ import sys
 import pytest
 
 from drpbench.cli import app as cli
-from drpbench.leaderboard import load_dir
-from drpbench.leaderboard.submission import assess, check
 from drpbench.problems import load_set
+from drpbench.ranking import load_dir
+from drpbench.ranking.submission import assess, check
 from drpbench.results import Header, Result, ResultsError, Row, load
 from drpbench.results.shipped import shipped_results
 

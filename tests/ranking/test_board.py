@@ -2,9 +2,9 @@ import json
 
 import pytest
 
-from drpbench.leaderboard import LeaderboardError, build, load_dir, wilson
-from drpbench.leaderboard.board import Rate
-from drpbench.leaderboard.statistics import Paired, mcnemar
+from drpbench.ranking import LeaderboardError, build, load_dir, wilson
+from drpbench.ranking.board import Rate
+from drpbench.ranking.statistics import Paired, mcnemar
 from drpbench.results import Result, ResultsError, save
 
 EXPECTED = {"SE": 6, "FDO": 3, "GB": 3}
