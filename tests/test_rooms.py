@@ -25,8 +25,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     # Tasks say which of their episodes may be no instance.
     "ranking": {"contract", "robot", "problems", "envs", "results"},
     "evaluation": {
-        *("geometry", "robot", "contract", "planning", "problems", "envs", "policies"),
-        *("baselines", "plugins", "rollout", "results", "ranking"),
+        *("geometry", "robot", "contract", "planning", "problems", "perception", "envs"),
+        *("policies", "baselines", "plugins", "rollout", "results", "ranking"),
     },
     "learning": {
         *("geometry", "robot", "contract", "planning", "problems", "generation", "perception"),

@@ -158,13 +158,13 @@ def train(
     from drpbench.compile import use_cache
 
     use_cache()
-    from contextlib import nullcontext
+    from contextlib import AbstractContextManager, nullcontext
 
     import jax
     from rich.console import Console
 
     from drpbench.learning.cloning import CloningSettings
-    from drpbench.learning.feed import Folder, Stream
+    from drpbench.learning.feed import Feed, Folder, Stream
     from drpbench.learning.learners import learner
     from drpbench.learning.train import Run
     from drpbench.learning.train import train as train_run
@@ -189,7 +189,7 @@ def train(
         validate_every=validate_every,
         validation_problems=validation_problems,
     )
-    source = (
+    source: AbstractContextManager[Feed] = (
         nullcontext(Folder(*demonstrations))
         if demonstrations
         else Stream(capacity, workers=workers)

@@ -9,7 +9,6 @@ import typer
 from drpbench.errors import InputError
 
 from .extras import require
-
 from .options import ProblemsFrom, set_of_results
 
 if TYPE_CHECKING:

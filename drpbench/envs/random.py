@@ -6,6 +6,7 @@ over flat arrays: the same bits.
 """
 
 import math
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -21,29 +22,31 @@ def _threefry(*words: UInt32[Array, " n"]) -> tuple[UInt32[Array, " n"], UInt32[
 
 
 @_threefry.def_vmap
-def _(count, batched, *words):
-    words = [
+def _(
+    count: int, batched: Sequence[bool], *words: Array
+) -> tuple[tuple[Array, ...], tuple[bool, bool]]:
+    full = [
         word if has_axis else jnp.broadcast_to(word, (count, *word.shape))
         for word, has_axis in zip(words, batched, strict=True)
     ]
-    blocks = _threefry(*(word.reshape(-1) for word in words))
+    blocks = _threefry(*(word.reshape(-1) for word in full))
     return tuple(block.reshape(count, -1) for block in blocks), (True, True)
 
 
-def _blocks(key, shape):
+def _blocks(key: Array, shape: tuple[int, ...]) -> tuple[Array, ...]:
     counter = jax.lax.iota(jnp.uint32, math.prod(shape))
     words = (*(jnp.full_like(counter, word) for word in key), jnp.zeros_like(counter), counter)
     return tuple(block.reshape(shape) for block in _threefry(*words))
 
 
-def _random_bits(key, bit_width, shape):
+def _random_bits(key: Array, bit_width: int, shape: tuple[int, ...]) -> Array:
     if bit_width != 32:
         return threefry_prng_impl.random_bits(key, bit_width, shape)
     first, second = _blocks(key, shape)
     return first ^ second
 
 
-def _split(key, shape):
+def _split(key: Array, shape: tuple[int, ...]) -> Array:
     return jnp.stack(_blocks(key, shape), axis=-1)
 
 

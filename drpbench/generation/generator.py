@@ -94,9 +94,7 @@ class Generator:
         start, goal, witness = self.solve(rng, scene, group)
         if self._meshes is not None:
             self._meshes.set_obstacles(scene.obstacles)
-        fault = certificate.certify(
-            witness, start, goal, self._spheres, self._meshes
-        ).fault
+        fault = certificate.certify(witness, start, goal, self._spheres, self._meshes).fault
         if fault is not None:
             raise Rejected("no certificate")
         position, matrix = self._spheres.grip_pose(goal)

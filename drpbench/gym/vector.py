@@ -1,5 +1,6 @@
 """The vector environment: `gymnasium.make_vec("drpbench/FDO-v1", num_envs=64)`."""
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium

@@ -123,7 +123,7 @@ class Cloning:
         """So many steps further, and the loss of each."""
         split = NamedSharding(self._devices, PartitionSpec("devices"))
 
-        def step(state: TrainingState, _):
+        def step(state: TrainingState, _: None) -> tuple[TrainingState, Float[Array, ""]]:
             key = jax.random.fold_in(jax.random.key(self.settings.seed), state.step)
             batch = self.learner.sample(key, demonstrations, self.settings.batch)
             batch = jax.lax.with_sharding_constraint(batch, split)

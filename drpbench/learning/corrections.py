@@ -148,7 +148,7 @@ def _interrupted(
     found = jax.vmap(attempt)(jax.random.split(key, _TRIES))
     first = jnp.argmax(found[-1])
     time, half_size, position, quaternion, fits = jax.tree.map(lambda leaf: leaf[first], found)
-    there = demonstration.obstacles
+    there = jax.tree.map(jnp.asarray, demonstration.obstacles)
     slot = jnp.argmin(there.mask)
     more = Obstacles(
         kind=there.kind.at[slot].set(BOX),

@@ -120,7 +120,8 @@ class Shards:
         """Writes the range that begins at problem `first`; `solved` are those of it that were."""
         self.folder.mkdir(parents=True, exist_ok=True)
         buffer = io.BytesIO()
-        np.savez_compressed(buffer, **solved.arrays())
+        arrays: dict[str, Any] = solved.arrays()
+        np.savez_compressed(buffer, **arrays)
         content = buffer.getvalue()
         name = f"{self._stream}-{first:09d}.npz"
         _replace(self.folder / name, content)

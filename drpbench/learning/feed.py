@@ -26,8 +26,10 @@ _BLOCK = 256  # demonstrations that replace older ones at once
 class Feed(Protocol):
     """A source of demonstrations."""
 
-    about: str
-    """In words, for a model card."""
+    @property
+    def about(self) -> str:
+        """In words, for a model card."""
+        ...
 
     def begin(self) -> Demonstrations:
         """The first ones, on the host."""

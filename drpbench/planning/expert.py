@@ -200,8 +200,8 @@ def plan(
     not be used.
     """
     ends = jnp.stack([start, goal])
-    lower, upper = inner_limits(robot, np.float32)
-    lower, upper = jnp.minimum(lower, ends.min(axis=0)), jnp.maximum(upper, ends.max(axis=0))
+    least, most = inner_limits(robot, np.float32)
+    lower, upper = jnp.minimum(least, ends.min(axis=0)), jnp.maximum(most, ends.max(axis=0))
     seeds = _seeds(start, goal, key, hints, lower, upper, settings, robot)
     obstructed = touches(gaps(goal, obstacles, robot))
     modes = jnp.stack([obstructed, jnp.array(True)])[: 1 + settings.stop_short]

@@ -96,23 +96,25 @@ class Planner:
 
     def shortcut(self, rng: np.random.Generator, path: np.ndarray, tries: int) -> np.ndarray:
         """The path (k, J) with random stretches replaced by straight ones, where those are free."""
-        path = list(path)
+        points = list(path)
         for _ in range(tries):
-            if len(path) == 2:
+            if len(points) == 2:
                 break
             lengths = np.array(
-                [self._bound(a, b) for a, b in zip(path[:-1], path[1:], strict=True)]
+                [self._bound(a, b) for a, b in zip(points[:-1], points[1:], strict=True)]
             )
             ends = np.concatenate([[0.0], np.cumsum(lengths)])
             s, t = np.sort(rng.uniform(0, ends[-1], 2))
-            i, j = (min(int(np.searchsorted(ends, x, "right")) - 1, len(path) - 2) for x in (s, t))
+            i, j = (
+                min(int(np.searchsorted(ends, x, "right")) - 1, len(points) - 2) for x in (s, t)
+            )
             if i == j:
                 continue
-            a = path[i] + (path[i + 1] - path[i]) * ((s - ends[i]) / lengths[i])
-            b = path[j] + (path[j + 1] - path[j]) * ((t - ends[j]) / lengths[j])
+            a = points[i] + (points[i + 1] - points[i]) * ((s - ends[i]) / lengths[i])
+            b = points[j] + (points[j + 1] - points[j]) * ((t - ends[j]) / lengths[j])
             if self._bound(a, b) < 0.98 * (t - s) and self.straight(a, b):
-                path[i + 1 : j + 1] = [a, b]
-        return self._without_needless(np.stack(path))
+                points[i + 1 : j + 1] = [a, b]
+        return self._without_needless(np.stack(points))
 
     def _without_needless(self, path: np.ndarray) -> np.ndarray:
         """The path without those waypoints that can be skipped."""

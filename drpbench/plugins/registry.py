@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from drpbench.baselines import Rmp
 from drpbench.contract import (
@@ -165,7 +165,7 @@ def at_hand(
         raise PolicyError(f"{name} never answered, and an object cannot be made again")
 
     world = dict(zip(OF_THE_WORLD, (robot, episode.period), strict=True))
-    return _hosted(policy, build, [], {}, time_limit, world)
+    return _hosted(cast(HostPolicy, policy), build, [], {}, time_limit, world)
 
 
 def _split(name: str) -> tuple[str, list[str]]:

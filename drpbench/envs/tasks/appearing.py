@@ -95,5 +95,7 @@ class Appearing:
     def valid(self, memory: _Memory) -> Bool[Array, ""]:
         return jnp.bool_(True)
 
-    def training_level(self, number, furnished):
+    def training_level(
+        self, number: Int[np.ndarray, " n"], furnished: Bool[np.ndarray, " n"]
+    ) -> Int[np.ndarray, " n"]:
         return np.where(furnished, 2, 1)

@@ -76,5 +76,7 @@ class DynamicGoalBlocking:
     def valid(self, memory: tuple[()]) -> Bool[Array, ""]:
         return jnp.bool_(True)
 
-    def training_level(self, number, furnished):
+    def training_level(
+        self, number: Int[np.ndarray, " n"], furnished: Bool[np.ndarray, " n"]
+    ) -> Int[np.ndarray, " n"]:
         return np.where(number % 4 == 3, 2, 1)

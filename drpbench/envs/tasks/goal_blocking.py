@@ -75,5 +75,7 @@ class GoalBlocking:
     def valid(self, memory: _Memory) -> Bool[Array, ""]:
         return memory.placed
 
-    def training_level(self, number, furnished):
+    def training_level(
+        self, number: Int[np.ndarray, " n"], furnished: Bool[np.ndarray, " n"]
+    ) -> Int[np.ndarray, " n"]:
         return np.where(furnished, 2, 1)

@@ -39,5 +39,7 @@ class Static:
     def valid(self, memory: tuple[()]) -> Bool[Array, ""]:
         return jnp.bool_(True)
 
-    def training_level(self, number, furnished):
+    def training_level(
+        self, number: Int[np.ndarray, " n"], furnished: Bool[np.ndarray, " n"]
+    ) -> Int[np.ndarray, " n"]:
         return np.where(furnished, 2, 1)
