@@ -143,10 +143,10 @@ def test_what_is_handed_out_is_not_the_worlds_memory(play, sound):
     np.testing.assert_array_equal(trace.joint_position, sound[0].joint_position)
     # PyTorch writes on JAX's own memory: none of it may belong to the world, or be there twice.
     batch = jax.tree.map(jnp.asarray, load_set().task("FDO").take([0, 1, 2, 3]))
-    shown = hosted(Blind(), Blind).shown
-    state, carry, _ = begin(WORLD, shown, 0, batch)
+    inside = hosted(Blind(), Blind).shown
+    state, carry, _ = begin(WORLD, inside, 0, batch)
     for clock in range(2):
-        seen, carry = show(WORLD, shown, 0, state, carry, np.int32(clock))
+        seen, carry = show(WORLD, inside, 0, state, carry, np.int32(clock))
         owned = [
             leaf.unsafe_buffer_pointer()
             for leaf in jax.tree.leaves((state, carry))
