@@ -49,7 +49,6 @@ def judged(policy: str, per_task: int, seed: int) -> tuple[list[Judgement], list
         request = Request(policy=policy, problems=ids, out=out, seed=seed, save_trajectories=True)
         result = run(request, Quiet())
         recorded = load_trajectories(trajectories_file(out))
-    problems = {task: load_set().task(task) for task in ids}
     spheres = sphere_checker(MARGIN)
     by_spheres = [
         judge_episode(row, recorded[f"{row.task}-{row.id}"], problem_set.task(row.task), spheres)

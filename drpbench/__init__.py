@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from drpbench.evaluation.evaluate import leaderboard as leaderboard
     from drpbench.perception import SurfaceCloud as SurfaceCloud
     from drpbench.problems import ProblemSet as ProblemSet
-    from drpbench.problems import load_set as load_problems
+    from drpbench.problems import load_set as load_problems  # noqa: F401
     from drpbench.robot import PANDA as PANDA
     from drpbench.robot import Robot as Robot
     from drpbench.rollout import Rollout as Rollout

@@ -1,7 +1,7 @@
 """Which problems an environment serves: the frozen ones by number, or training problems by number."""
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from drpbench.problems import ProblemSet, goal_poses, load_set
 from drpbench.rollout.keys import WORLD
 
 
+@runtime_checkable
 class Problems(Protocol):
     """Numbered problems of one task."""
 

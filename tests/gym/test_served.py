@@ -7,8 +7,8 @@ import pytest
 
 from drpbench.envs import TASKS, World
 from drpbench.geometry import signed_distance
-from drpbench.gym.served import Frozen, Training
-from drpbench.problems import load_set
+from drpbench.gym.served import Frozen, Training, source
+from drpbench.problems import ProblemSetError, load_set
 from drpbench.robot import PANDA
 from drpbench.rollout import instance_key
 
@@ -74,3 +74,13 @@ def test_no_problem_is_one_of_the_benchmarks(training, task):
 def test_a_number_that_there_is_not_is_refused():
     with pytest.raises(ValueError, match="no training problem -1; ids go from 0 to 2147483647"):
         Training(World(TASKS["SE"])).require([0, -1])
+
+
+def test_problems_of_a_set_are_served_by_number():
+    shown = source(load_set(), World(TASKS["FDO"]))
+    assert shown.stream == Frozen.stream
+    np.testing.assert_array_equal(shown.take([3]).goal, load_set().task("FDO").goal[[3]])
+    with pytest.raises(ProblemSetError, match="no problem 200 in FDO"):
+        shown.require([200])
+    with pytest.raises(ValueError, match="there are: frozen, training"):
+        source("mine", World(TASKS["FDO"]))

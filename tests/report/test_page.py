@@ -48,8 +48,9 @@ def some_results():
     poor = [row("SE", i, reached=False, family=HOSTILE) for i in range(4)]
     poor += [row("FDO", 0, collided=True, first_collision_link=HOSTILE)]
     poor += [row("FDO", 1, reached=False, status=HOSTILE), row("FDO", 2)]
-    hostile = result(HOSTILE, poor, privileged=True, device=HOSTILE)
-    return {"good.json": result("good", good), "it's.json": hostile}
+    of = {"problem_set_sha256": load_set().sha256}
+    hostile = result(HOSTILE, poor, privileged=True, device=HOSTILE, **of)
+    return {"good.json": result("good", good, **of), "it's.json": hostile}
 
 
 class Page(HTMLParser):
@@ -281,7 +282,7 @@ def test_what_came_out_differently_has_no_picture(failed, rolled, tmp_path, monk
     asked = []
 
     class Again:
-        def __init__(self, result, path):
+        def __init__(self, result, path, problem_set=None):
             asked.append(path)
 
         def replay(self, rows):
