@@ -3,9 +3,10 @@
     python benchmarks/compile_time.py --task FDO --policy rmp --parts
 
 For each function that a rollout compiles: seconds of tracing (Python to jaxpr), lowering (jaxpr to
-StableHLO) and compiling (XLA's passes and LLVM), processor time of all threads, which other work on the
-machine moves little; and how many StableHLO and, after XLA's passes, HLO instructions there are.
-`--parts` does the same with the parts of a control step, each compiled alone for the same 64 lanes.
+StableHLO) and compiling (XLA's passes and LLVM), processor time of all threads, which other work on
+the machine moves little; and how many StableHLO and, after XLA's passes, HLO instructions there
+are. `--parts` does the same with the parts of a control step, each compiled alone for the same 64
+lanes.
 """
 
 import argparse

@@ -106,7 +106,8 @@ def cost(task: str, policy: str, batches: int, repetitions: int) -> tuple[Cost, 
 def frame_times(
     trace: Trace, ids: list[int], size: tuple[int, int], frames: int, real: bool
 ) -> np.ndarray:
-    """Median time [s] of a frame, of the clock and of the processor; `real`: with the arm's meshes."""
+    """Median time [s] of a frame, of the clock and of the processor; `real`: with the arm's
+    meshes."""
     episode = traced(ids[0], load_set().task("FDO"), 0, trace, 0)
     moved, stage = motion(episode), Stage(*size, PANDA, real)
     times = [now()]

@@ -1,7 +1,7 @@
 """drpbench: does a manipulator policy survive a moving world?
 
-The names below are imported at their first use, so that importing the package takes no time and starts
-no backend.
+The names below are imported at their first use, so that importing the package takes no time and
+starts no backend.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ from jaxtyping import Array, Float, Int
 def jit(function: Callable, **options: Any) -> Callable:
     """`jax.jit` with the compiler options that this jax version and backend need.
 
-    It must be the outermost `jit`: XLA takes compiler options only there. The backend is asked for at the
-    first call, so that a module that is imported starts none.
+    It must be the outermost `jit`: XLA takes compiler options only there. The backend is asked for
+    at the first call, so that a module that is imported starts none.
     """
     return _Jitted(function, options)
 
@@ -52,7 +52,8 @@ def short_loops_unrolled() -> bool:
     """Whether to unroll a `scan` of a few small steps.
 
     Not on the CPU: a loop's results are computed once, an unrolled chain again for each use of each
-    number in it (1.6 against 0.3 µs for forward kinematics, 6 against 0.9 with points on the links).
+    number in it (1.6 against 0.3 µs for forward kinematics, 6 against 0.9 with points on the
+    links).
     """
     return jax.default_backend() != "cpu"
 
@@ -66,17 +67,17 @@ def stored(
 ) -> Float[Array, "*shape"] | Int[Array, "*shape"]:
     """The same values, computed once: what a loop returns is not fused into what uses it.
 
-    XLA on the CPU otherwise repeats an unrolled search, scalar by scalar, inside every reduction of its
-    result: 26 µs instead of 4 for the distance of 155 spheres to 27 primitives. Numbers must be below
-    1e30, integers below 2^31 - 1.
+    XLA on the CPU otherwise repeats an unrolled search, scalar by scalar, inside every reduction of
+    its result: 26 µs instead of 4 for the distance of 155 spheres to 27 primitives. Numbers must be
+    below 1e30, integers below 2^31 - 1.
     """
     large = _LARGE_FLOAT if jnp.issubdtype(array.dtype, jnp.floating) else _LARGE_INT
     return jax.lax.fori_loop(0, 2, lambda _, value: jnp.minimum(value, large), array)
 
 
 def use_cache() -> None:
-    """Keeps compiled programs between runs, in the user's cache folder (`DRPBENCH_CACHE` names another,
-    `off` none)."""
+    """Keeps compiled programs between runs, in the user's cache folder (`DRPBENCH_CACHE` names
+    another, `off` none)."""
     named = os.environ.get("DRPBENCH_CACHE", "")
     if named.lower() == "off":
         return

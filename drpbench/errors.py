@@ -2,7 +2,8 @@
 
 
 class DrpbenchError(ValueError):
-    """Something outside drpbench is not as expected: the message is one line that says what would be right."""
+    """Something outside drpbench is not as expected: the message is one line that says what would
+    be right."""
 
 
 class InputError(DrpbenchError):

@@ -25,7 +25,8 @@ def told(code: str) -> dict:
 
 
 def test_no_module_starts_a_backend():
-    """So that `jax.distributed.initialize()` and the choice of a platform may come after any import."""
+    """So that `jax.distributed.initialize()` and the choice of a platform may come after any
+    import."""
     code = f"""
 import importlib, json
 absent = set()

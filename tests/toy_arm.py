@@ -11,9 +11,9 @@ BASE_HEIGHT = 0.3  # [m]
 _QUARTER = 0.5 * np.pi
 _TORQUE = 80.0  # [N m]
 
-# Joint 1 turns about the vertical, 2 to 4 about the horizontal axes y of the frames before them; at zero the
-# arm points straight up. Frames by the convention of `Robot`: moved, turned by `joint_twist` about x, turned
-# about z.
+# Joint 1 turns about the vertical, 2 to 4 about the horizontal axes y of the frames before them; at
+# zero the arm points straight up. Frames by the convention of `Robot`: moved, turned by
+# `joint_twist` about x, turned about z.
 _OFFSET = np.array([(0, 0, BASE_HEIGHT), (0, 0, 0), (0, -UPPER, 0), (0, -FOREARM, 0)], float)
 _TWIST = np.array([0.0, -_QUARTER, 0.0, 0.0])
 

@@ -1,4 +1,5 @@
-"""RMP: Riemannian motion policies from the point cloud alone (Ratliff et al. 2018; Cheng et al. 2018).
+"""RMP: Riemannian motion policies from the point cloud alone (Ratliff et al. 2018; Cheng et al.
+2018).
 
 Leaves, each an acceleration with a metric, on the arm as it is now:
 
@@ -89,8 +90,8 @@ class Rmp:
         return q + robot.servo_lag * velocity, carry
 
     def _nearest(self, observation: Observation) -> tuple[Float[Array, " F"], Float[Array, "F J"]]:
-        """For each moving frame, the distance [m] from its closest sphere to its closest scene point, and
-        that distance's Jacobian [m/rad]."""
+        """For each moving frame, the distance [m] from its closest sphere to its closest scene
+        point, and that distance's Jacobian [m/rad]."""
         model = self.robot.moving_spheres
         poses = self.robot.link_poses(observation.joint_position)
         centers = model.world(poses)
@@ -103,8 +104,8 @@ class Rmp:
         outward = point - scene[jnp.argmin(stored(squared_distances(point, scene)), axis=1)]
         normal = outward / jnp.maximum(jnp.linalg.norm(outward, axis=-1, keepdims=True), 1e-6)
 
-        # n^T `point_jacobian`, with the joints beyond the frame left out last: the rounding that the shipped
-        # results were made with.
+        # n^T `point_jacobian`, with the joints beyond the frame left out last: the rounding that
+        # the shipped results were made with.
         columns = jnp.cross(poses.axes[None], point[:, None] - poses.origins[None])
         joints = self.robot.joints
         moves = np.arange(1, joints + 1)[None] <= np.minimum(model.frames, joints)[:, None]

@@ -41,7 +41,8 @@ app.add_typer(problems_app, name="problems")
 
 
 def main() -> None:
-    """Entry point. Bad input ends in one line on stderr and exit code 2, and nothing is overwritten."""
+    """Entry point. Bad input ends in one line on stderr and exit code 2, and nothing is
+    overwritten."""
     try:
         app(cli_recording.with_all(sys.argv[1:]))
     except KeyboardInterrupt:
@@ -58,8 +59,8 @@ def main() -> None:
 def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
     """Ids from `20` (the first so many), `3,17` or `0-9`; None for all of them.
 
-    Families, pairs and levels take turns from one id to the next, so the first ones are a fair sample; every
-    tenth one would be of half of the families.
+    Families, pairs and levels take turns from one id to the next, so the first ones are a fair
+    sample; every tenth one would be of half of the families.
     """
     if text is None or text == "all":
         return None
@@ -93,8 +94,8 @@ def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
 def default_out(policy: str, tasks: str, resume: bool) -> Path:
     """`runs/rmp-FDO.json`, or the first of `runs/rmp-FDO-2.json`, ... that no earlier run has.
 
-    `tasks` are what the file is named after besides. To resume, the latest that is unfinished, be it to end
-    plain or compressed.
+    `tasks` are what the file is named after besides. To resume, the latest that is unfinished, be
+    it to end plain or compressed.
     """
     from drpbench.results.names import forms, log_file
 
@@ -301,7 +302,8 @@ def export(
 
 @app.command()
 def doctor() -> None:
-    """Versions, device, and a self-test: every link put into every kind of primitive must be seen."""
+    """Versions, device, and a self-test: every link put into every kind of primitive must be
+    seen."""
     from drpbench.compile import use_cache
 
     use_cache()

@@ -12,7 +12,8 @@ EXTRAS = {
 
 
 def require(extra: str, command: str) -> None:
-    """Raises InputError, with the line that installs `extra`, if one of its packages is not there."""
+    """Raises InputError, with the line that installs `extra`, if one of its packages is not
+    there."""
     if missing := [name for name in EXTRAS[extra] if find_spec(name) is None]:
         raise InputError(
             f"{command} needs {', '.join(missing)}, which the core does not install: "

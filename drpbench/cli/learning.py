@@ -23,7 +23,8 @@ def data(
         int | None, typer.Option(help="Processes that draw problems [default: one a core]")
     ] = None,
 ) -> None:
-    """Make demonstrations: draw training problems, solve them, write shards. Goes on where it stopped."""
+    """Make demonstrations: draw training problems, solve them, write shards. Goes on where it
+    stopped."""
     require("train", "drpbench data")
     from drpbench.generation.training_problems import TRAINING_STREAM
     from drpbench.learning.demonstrations import Shards
@@ -55,7 +56,10 @@ def correct(
     weights: Annotated[
         str,
         typer.Argument(
-            help="A file of weights; that of a network of your own as my_package.my_module:MyLearner:FILE"
+            help=(
+                "A file of weights; that of a network of your own as "
+                "my_package.my_module:MyLearner:FILE"
+            )
         ),
     ],
     demonstrations: Annotated[Path, typer.Option("--data", help="Folder of drpbench data.")],
@@ -109,7 +113,10 @@ def train(
         list[Path] | None,
         typer.Option(
             "--data",
-            help="Folder of drpbench data or correct; may be given again [default: straight from the expert]",
+            help=(
+                "Folder of drpbench data or correct; may be given again [default: straight "
+                "from the expert]"
+            ),
         ),
     ] = None,
     size: Annotated[
@@ -142,7 +149,8 @@ def train(
         int | None, typer.Option(help="Processes that draw problems, without --data.")
     ] = None,
 ) -> None:
-    """Train a network by behaviour cloning. Checkpoints, a CSV, a plot and weights lie in the run's folder."""
+    """Train a network by behaviour cloning. Checkpoints, a CSV, a plot and weights lie in the run's
+    folder."""
     require("train", "drpbench train")
     for name, number in (
         ("steps", steps),
@@ -197,5 +205,6 @@ def train(
     with source as feed, TrainingProgress(Console(), steps) as progress:
         train_run(wanted, feed, progress.line)
     typer.echo(
-        f"weights in {out / 'weights.safetensors'}; run them with --policy {network}:{out}/weights.safetensors"
+        f"weights in {out / 'weights.safetensors'}; run them with --policy "
+        f"{network}:{out}/weights.safetensors"
     )

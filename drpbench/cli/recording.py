@@ -43,8 +43,8 @@ def recorder(
     wanted: Mapping[str, Sequence[int] | None],
     problem_set: ProblemSet,
 ) -> Recorder:
-    """What a run shows its batches to, to have MCAP files in a folder beside `out`: of the first `count`
-    of the instances wanted of each task (None: all of a task that has so many in all)."""
+    """What a run shows its batches to, to have MCAP files in a folder beside `out`: of the first
+    `count` of the instances wanted of each task (None: all of a task that has so many in all)."""
     require("record", "--record")
     from drpbench.recording import Recorder
     from drpbench.results.names import recordings_folder
@@ -61,7 +61,8 @@ def _say_what_it_is(path: Path) -> None:
     found = read_recording(path)
     of = found.about
     typer.echo(
-        f"{path}: whole; {of['task']} {of['id']} ({of['family']}) with {of['policy']}, seed {of['seed']}, "
+        f"{path}: whole; {of['task']} {of['id']} ({of['family']}) with {of['policy']}, seed "
+        f"{of['seed']}, "
         f"{of['problem_set']}; {found.seconds:.1f} s, {found.messages} messages"
     )
 
@@ -85,8 +86,8 @@ def replay(
 ) -> None:
     """Show an episode again: an MCAP file to open in Foxglove, or a video.
 
-    Taken from the run's trajectories where there are any; else the episode is run again. Files that are
-    there are replaced.
+    Taken from the run's trajectories where there are any; else the episode is run again. Files that
+    are there are replaced.
     """
     require("record", "drpbench replay")
     if result.suffix == ".mcap":

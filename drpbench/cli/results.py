@@ -18,8 +18,8 @@ def submit(
 ) -> None:
     """Check a result fully, and see where it would stand. Nothing is sent anywhere.
 
-    Exit code 0 for a full entry, 1 where something is missing, 2 for a file that is damaged or contradicts
-    itself.
+    Exit code 0 for a full entry, 1 where something is missing, 2 for a file that is damaged or
+    contradicts itself.
     """
     from rich.console import Console
 
@@ -114,8 +114,10 @@ def _told(found: "Verification") -> list[str]:
     if found.differences:
         lines += [f"made elsewhere: {line}" for line in found.elsewhere]
         lines.append(
-            "The same build of the program gives the same rows to the bit. Another one (another jax, "
-            "processor or version) rounds differently in the seventh digit, and an arm that skirts obstacles "
+            "The same build of the program gives the same rows to the bit. Another one "
+            "(another jax, "
+            "processor or version) rounds differently in the seventh digit, and an arm that "
+            "skirts obstacles "
             "amplifies it: between two builds, 3 of 200 FDO successes of rmp changed sides."
         )
     return lines

@@ -1,4 +1,5 @@
-"""What passes between the rooms: problems, observations, policies, episodes and verdicts. No physics."""
+"""What passes between the rooms: problems, observations, policies, episodes and verdicts. No
+physics."""
 
 from .episode import CONTROL_PERIOD as CONTROL_PERIOD
 from .episode import CONTROL_STEPS as CONTROL_STEPS

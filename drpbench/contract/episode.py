@@ -10,8 +10,9 @@ PROTOCOL_RATE = 60.0  # [Hz]; the tasks' times and speeds are given in control s
 class Episode:
     """The clock of an episode: `steps` control steps of `period` [s] each.
 
-    The defaults are the protocol's: 60 Hz, 1000 control steps, 16.7 s. Hashable, so static under jit.
-    Raises ValueError for an episode without a step or with a period that is no positive number.
+    The defaults are the protocol's: 60 Hz, 1000 control steps, 16.7 s. Hashable, so static under
+    jit. Raises ValueError for an episode without a step or with a period that is no positive
+    number.
     """
 
     steps: int = 1000

@@ -6,11 +6,12 @@ from .observation import OBSERVED
 
 
 class HostObservation:
-    """What B instances show, in the world frame (the arm's base), as arrays of the policy's own kind.
+    """What B instances show, in the world frame (the arm's base), as arrays of the policy's own
+    kind.
 
-    Its attributes are those of `observation_spec`, each with the B instances in front, and `obstacles`:
-    every obstacle as it is for a privileged policy, otherwise None. They are the policy's to keep and to
-    write on.
+    Its attributes are those of `observation_spec`, each with the B instances in front, and
+    `obstacles`: every obstacle as it is for a privileged policy, otherwise None. They are the
+    policy's to keep and to write on.
     """
 
     def __init__(self, *, obstacles: Any = None, **arrays: Any):
@@ -31,7 +32,8 @@ class HostObservation:
 
 @runtime_checkable
 class HostPolicy(Protocol):
-    """A policy that is stepped outside jit. The attributes `arrays` and `privileged` may be left out."""
+    """A policy that is stepped outside jit. The attributes `arrays` and `privileged` may be left
+    out."""
 
     def reset(self, observation: HostObservation) -> None:
         """B episodes begin, and this is what they show. Whatever was kept of others is void."""

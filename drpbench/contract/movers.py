@@ -12,7 +12,8 @@ from drpbench.geometry import BOX, Primitives
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Movers:
-    """Boxes in the world frame, M a world; `velocity` in m per control step. Only `active` ones exist."""
+    """Boxes in the world frame, M a world; `velocity` in m per control step. Only `active` ones
+    exist."""
 
     half_size: Float[Array, "*boxes 3"]
     rotation: Float[Array, "*boxes 3 3"]

@@ -13,8 +13,8 @@ from drpbench.robot import PANDA, Robot
 SCENE_POINTS = 2048
 ROBOT_POINTS = 256
 
-# Wide enough to hold all that happens; they are no scales to normalise by. Contact pushes a joint past its
-# limit, against stiff stops.
+# Wide enough to hold all that happens; they are no scales to normalise by. Contact pushes a joint
+# past its limit, against stiff stops.
 _JOINTS, _PAST_LIMIT = 5.0, 1.3  # [rad] at least; times the largest limit
 _SPEED = 100.0  # [rad/s]
 _ROOM = 5.0  # [m]
@@ -26,10 +26,10 @@ _UNIT = 1.001  # a unit quaternion's components, rounded
 class Observation:
     """One observation, in the world frame (the arm's base), SI units, batched over leading axes.
 
-    J joints, N scene points, R points of the arm; `observation_spec` says how many, and what each field
-    means. Scene points are the same points of the same surfaces throughout an episode: one that moves
-    between two observations is on a moving obstacle. Where `scene_mask` is false there is no point (its
-    coordinates are zero).
+    J joints, N scene points, R points of the arm; `observation_spec` says how many, and what each
+    field means. Scene points are the same points of the same surfaces throughout an episode: one
+    that moves between two observations is on a moving obstacle. Where `scene_mask` is false there
+    is no point (its coordinates are zero).
     """
 
     joint_position: Float[Array, "*batch J"]

@@ -10,17 +10,17 @@ Scalar = float | Float[Array, ""]
 """A number among a policy's parameters: a leaf of its pytree, so a traced array inside jit."""
 
 OF_THE_WORLD = ("robot", "control_period")
-"""Fields of a policy that the world decides, not the policy: its arm, and how long a control step is [s]. They
-are static under jit, are passed by name to whatever makes a policy, and are none of the parameters that a
-result states."""
+"""Fields of a policy that the world decides, not the policy: its arm, and how long a control step
+is [s]. They are static under jit, are passed by name to whatever makes a policy, and are none of
+the parameters that a result states."""
 
 
 @runtime_checkable
 class Policy(Protocol):
     """A policy, registered as a JAX pytree: its parameters are its leaves, its settings static.
 
-    `privileged` policies get the obstacle models in `Observation.obstacles`, and are marked so on the
-    leaderboard.
+    `privileged` policies get the obstacle models in `Observation.obstacles`, and are marked so on
+    the leaderboard.
     """
 
     @property

@@ -14,9 +14,9 @@ from drpbench.geometry import Primitives
 class Problem:
     """One numbered planning problem, batched over any leading axes.
 
-    The static scene is `obstacles`; J joints. `goal` is one configuration that reaches the goal pose of the
-    frame `grip` (`goal_position` [m], `goal_quaternion` wxyz). `level` is the task's own: sizes and
-    counts of moving obstacles depend on it.
+    The static scene is `obstacles`; J joints. `goal` is one configuration that reaches the goal
+    pose of the frame `grip` (`goal_position` [m], `goal_quaternion` wxyz). `level` is the task's
+    own: sizes and counts of moving obstacles depend on it.
     """
 
     id: Int[Array, "*batch"] | Int[np.ndarray, "*batch"]

@@ -15,8 +15,9 @@ class Sensor(Protocol):
     """A sensor, as pure functions for one world. A hashable value: it is static under jit.
 
     Its state is whatever pytree it needs; it is made once an episode and never changes, so that an
-    observation can be made again from a recorded episode. A sensor that looks from somewhere (a depth
-    camera) finds the arm that stands in its view at `poses`: its spheres are `robot.spheres.world(poses)`.
+    observation can be made again from a recorded episode. A sensor that looks from somewhere (a
+    depth camera) finds the arm that stands in its view at `poses`: its spheres are
+    `robot.spheres.world(poses)`.
     """
 
     @property

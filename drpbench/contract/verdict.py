@@ -61,7 +61,8 @@ class Verdict:
     first_collision_step: Steps
     """The first control step in which the arm touched an obstacle; -1 where it touched none."""
     finite: Flags
-    """Every target and every state so far was made of numbers; an episode that was not has failed."""
+    """Every target and every state so far was made of numbers; an episode that was not has failed.
+    """
     valid: Flags
     """Whether the episode is an instance of its task so far (GB: whether the goal was blocked)."""
 

@@ -12,7 +12,8 @@ from drpbench.robot import PANDA, Robot
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Arm:
-    """Collision spheres (the base left out) in the world frame [m], and where the frame `grip` is."""
+    """Collision spheres (the base left out) in the world frame [m], and where the frame `grip`
+    is."""
 
     centers: Float[Array, "*batch S 3"]
     radii: Float[Array, "*batch S"]

@@ -1,11 +1,12 @@
-"""Compliant contact: where spheres of the arm are inside an obstacle, a spring-damper pushes them out.
+"""Compliant contact: where spheres of the arm are inside an obstacle, a spring-damper pushes them
+out.
 
 On each link the deepest sphere touches, with the force
 
     f = max(k d - c v, 0) n        d depth [m], v velocity along the normal n [m/s]
 
-and J^T f is what it does at the joints. One contact a link, because explicit damping on every sphere of
-a flat contact adds up to more than the time step bears.
+and J^T f is what it does at the joints. One contact a link, because explicit damping on every
+sphere of a flat contact adds up to more than the time step bears.
 """
 
 from dataclasses import dataclass
@@ -43,7 +44,8 @@ def contact(
     obstacles: Primitives,
     robot: Robot = PANDA,
 ) -> Contact:
-    """Clearance and contact torque, with `centers` the world positions [m] of `robot.moving_spheres`.
+    """Clearance and contact torque, with `centers` the world positions [m] of
+    `robot.moving_spheres`.
 
     Without obstacles the clearance is `FAR`.
     """
@@ -59,8 +61,8 @@ def contact(
     direction = normal(point, obstacles, nearest(point, obstacles)[1])
 
     # A point on frame i moves with v = sum over joints j <= i of qd_j z_j x (p - o_j). That is
-    # `point_jacobian` times qd, summed up once along the arm instead of for each frame: faster, and the
-    # rounding that the shipped results were made with.
+    # `point_jacobian` times qd, summed up once along the arm instead of for each frame: faster, and
+    # the rounding that the shipped results were made with.
     axes, origins = poses.axes, poses.origins
     spin = jnp.cumsum(joint_velocity[:, None] * axes, axis=0)
     drift = jnp.cumsum(joint_velocity[:, None] * jnp.cross(origins, axes), axis=0)

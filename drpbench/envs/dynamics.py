@@ -39,15 +39,16 @@ def substep(
 ) -> tuple[Float[Array, " J"], Float[Array, " J"]]:
     """Joint positions [rad] and velocities [rad/s] after half a control period [s].
 
-    `target` [rad] is what the servos (of the Panda: kp 1000, kd 50) aim at; `torque` [N m] acts besides
-    them.
-    With h the time step, b the joints' damping and c(q, qd) the Coriolis and centrifugal forces,
+    `target` [rad] is what the servos (of the Panda: kp 1000, kd 50) aim at; `torque` [N m] acts
+    besides them. With h the time step, b the joints' damping and c(q, qd) the Coriolis and
+    centrifugal forces,
 
-        (M(q) + h (kd + b)) (qd' - qd) / h = clip(kp (target - q) - kd qd) + torque + stops - b qd - c
-        q' = q + h qd'
+        (M(q) + h (kd + b)) (qd' - qd) / h = clip(kp (target - q) - kd qd) + torque + stops - b qd -
+        c q' = q + h qd'
 
-    C MuJoCo takes the same step while no servo is at its torque limit. At the limit it leaves kd out of
-    the matrix; MJX does not, so that a limited joint speeds up as if h kd = 0.42 kg m^2 heavier.
+    C MuJoCo takes the same step while no servo is at its torque limit. At the limit it leaves kd
+    out of the matrix; MJX does not, so that a limited joint speeds up as if h kd = 0.42 kg m^2
+    heavier.
     """
     model, data = _model(robot, control_period)
     beyond = joint_position - jnp.clip(joint_position, robot.joint_lower, robot.joint_upper)

@@ -98,8 +98,8 @@ def drifting_box(
 ) -> Movers:
     """One box with edges of 0.1 m to `longest` [m], 1 cm clear of the arm, on its way to `target`.
 
-    `place` draws where it is born; `excess` of a position and the base column's radius says how far [m]
-    that is outside of where it may be; `deviation` and `pace` are `random_heading`'s.
+    `place` draws where it is born; `excess` of a position and the base column's radius says how far
+    [m] that is outside of where it may be; `deviation` and `pace` are `random_heading`'s.
     """
     keys = jax.random.split(key, 4)
     half_size = jax.random.uniform(keys[0], (3,), minval=0.05, maxval=longest / 2)
@@ -124,14 +124,16 @@ def base_column_radius(
 ) -> Float[Array, "*boxes"]:
     """How near [m] to the base's axis a drifting box's centre may come, in the xy plane.
 
-    0.25 m, or so far that the box's bounding sphere stays off what is within `base_radius` [m] of the
-    axis: that part of the arm cannot step aside, and a problem must not be lost before it begins.
+    0.25 m, or so far that the box's bounding sphere stays off what is within `base_radius` [m] of
+    the axis: that part of the arm cannot step aside, and a problem must not be lost before it
+    begins.
     """
     return jnp.maximum(0.25, base_radius + jnp.linalg.norm(half_size, axis=-1))
 
 
 def drift(movers: Movers, excess: Callable[[Float[Array, "M 3"]], Float[Array, " M"]]) -> Movers:
-    """One control step of straight motion. `excess` [m] is how far a box's centre is where it may not be.
+    """One control step of straight motion. `excess` [m] is how far a box's centre is where it may
+    not be.
 
     A box turns back instead of going deeper.
     """

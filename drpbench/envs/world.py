@@ -1,4 +1,5 @@
-"""The world: a task, a scene and an arm, as pure functions of one world's state; vmap over problems."""
+"""The world: a task, a scene and an arm, as pure functions of one world's state; vmap over
+problems."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -68,8 +69,9 @@ class Events:
 class World:
     """The dynamics and the observation of one task. docs/protocol.md has the whole of it in words.
 
-    A hashable value: the task, the arm, the episode's clock, what makes the scene points of an observation,
-    and how many points of the arm itself there are in it. The defaults are the benchmark's.
+    A hashable value: the task, the arm, the episode's clock, what makes the scene points of an
+    observation, and how many points of the arm itself there are in it. The defaults are the
+    benchmark's.
     """
 
     task: Task

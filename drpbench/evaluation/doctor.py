@@ -5,7 +5,8 @@ configurations, and asks the compiled world's own contact function; a link that 
 clearance that differs from the one computed in plain numpy, fails it. Benchmarks have reported arms
 that pass through obstacles for months because nothing looked.
 
-A second one asks IMPACT's set abstraction for neighbourhoods and looks whether they are the right ones.
+A second one asks IMPACT's set abstraction for neighbourhoods and looks whether they are the right
+ones.
 """
 
 from dataclasses import dataclass, field
@@ -116,7 +117,8 @@ def _see_every_link(robot: Robot) -> list[tuple[str, bool, str]]:
 
 
 def _by_hand(kind: int, offset: np.ndarray, radius: np.ndarray) -> float:
-    """Smallest distance of spheres about `offset` (S, 3) to a probe at the origin, shape by shape."""
+    """Smallest distance of spheres about `offset` (S, 3) to a probe at the origin, shape by
+    shape."""
     if SHAPES[kind] == "sphere":
         distance = np.linalg.norm(offset, axis=1) - _SIZE
     else:

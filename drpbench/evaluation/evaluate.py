@@ -64,7 +64,8 @@ class Evaluation:
         return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
 
     def save(self, path: str | Path) -> None:
-        """Writes a result file for `drpbench leaderboard`, `submit` and `verify`; `.json.gz` compresses it.
+        """Writes a result file for `drpbench leaderboard`, `submit` and `verify`; `.json.gz`
+        compresses it.
 
         Raises ResultsError.
         """
@@ -89,9 +90,11 @@ def evaluate(
     """Runs a policy on problems and judges every one of them.
 
     Args:
-        policy: a name that `drpbench list` knows, an import path, or a policy itself: in JAX (`init` and
+        policy: a name that `drpbench list` knows, an import path, or a policy itself: in JAX
+        (`init` and
             `act`) or on the host (`reset` and `act`).
-        on: a task ("FDO"), several (["FDO", "DGB"]) or "all" of the benchmark's; or a problem set, or the
+        on: a task ("FDO"), several (["FDO", "DGB"]) or "all" of the benchmark's; or a problem set,
+        or the
             path of its file, with all of its tasks.
         problems: the first so many of each task, or their ids; None for all of them.
         policy_arguments: parameters of a named policy, each as "name=value".
@@ -101,7 +104,8 @@ def evaluate(
         progress: whether a bar is shown, or what is told of the run instead.
 
     Raises:
-        DrpbenchError: an argument, the policy or the set is not as expected; the message is one line.
+        DrpbenchError: an argument, the policy or the set is not as expected; the message is one
+        line.
     """
     problem_set, tasks = _chosen(on)
     choice = at_hand(policy, time_limit, problem_set.robot) if not isinstance(policy, str) else None
@@ -124,7 +128,8 @@ def evaluate(
 
 
 def leaderboard(folder: str | Path | None = None) -> Leaderboard:
-    """The leaderboard of a folder of result files, or of the shipped ones; print it, or look at its entries.
+    """The leaderboard of a folder of result files, or of the shipped ones; print it, or look at its
+    entries.
 
     Raises LeaderboardError or ResultsError.
     """

@@ -17,9 +17,9 @@ LIMIT_TOLERANCE = 1e-3  # [rad]
 def sparc(speed: np.ndarray, rate: float) -> float | None:
     """Spectral arc length of a speed profile sampled at `rate` [Hz]: smoothness, 0 at best.
 
-    Minus the arc length of the amplitude spectrum, scaled to 1 at zero frequency and to 1 across the
-    band, up to the last frequency below 10 Hz with more than 5 % of the amplitude (Balasubramanian et
-    al. 2015, "On the analysis of movement smoothness"). None for no movement.
+    Minus the arc length of the amplitude spectrum, scaled to 1 at zero frequency and to 1 across
+    the band, up to the last frequency below 10 Hz with more than 5 % of the amplitude
+    (Balasubramanian et al. 2015, "On the analysis of movement smoothness"). None for no movement.
     """
     if speed.size < 2 or speed.max() < 1e-4:
         return None

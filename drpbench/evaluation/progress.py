@@ -43,7 +43,8 @@ class Silent:
 
 
 class Bars:
-    """A bar for each task with running success and collision rates; plain lines without a terminal."""
+    """A bar for each task with running success and collision rates; plain lines without a
+    terminal."""
 
     def __init__(self, console: Console, policy: str):
         self._console, self._policy = console, policy

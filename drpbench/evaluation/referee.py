@@ -2,10 +2,10 @@
 
 The benchmark's verdict comes from spheres around the links and a signed distance on the device. The
 referee knows neither: it puts the recorded joint positions into MuJoCo's own arm with its collision
-meshes, the obstacles beside it as geoms, and asks MuJoCo's collision detection. Both look at the same
-2000 instants of an episode: the end of each control step, as recorded, and its middle, which the
-recorded velocity leads back to. Obstacles move at the start of a control step, so the middle sees them
-where the end does.
+meshes, the obstacles beside it as geoms, and asks MuJoCo's collision detection. Both look at the
+same 2000 instants of an episode: the end of each control step, as recorded, and its middle, which
+the recorded velocity leads back to. Obstacles move at the start of a control step, so the middle
+sees them where the end does.
 """
 
 from __future__ import annotations
@@ -165,9 +165,9 @@ def judgements(
 ) -> Iterator[Judgement]:
     """Judges the rows of a run one by one.
 
-    `trajectories` is what `load_trajectories` returns for the run's NPZ, `problem_set` what the run was
-    made on. Raises RefereeError, before anything is replayed, where the meshes are not found, a recording is
-    missing, or the problems are not those of the run.
+    `trajectories` is what `load_trajectories` returns for the run's NPZ, `problem_set` what the run
+    was made on. Raises RefereeError, before anything is replayed, where the meshes are not found, a
+    recording is missing, or the problems are not those of the run.
     """
     try:
         matching(result.header.problem_set, result.header.problem_set_sha256, problem_set)
@@ -203,10 +203,12 @@ def judge_episode(
     checker: Checker,
     period: float = EPISODE.period,
 ) -> Judgement:
-    """Judges one recorded episode, up to its first instant that is not finite; `period` [s] of control.
+    """Judges one recorded episode, up to its first instant that is not finite; `period` [s] of
+    control.
 
     The deepest penetration is that of one convex piece of a link (all but link5 and the fingers are
-    one piece). Raises RefereeError for a recording that is not of the form `trajectories.py` states.
+    one piece). Raises RefereeError for a recording that is not of the form `trajectories.py`
+    states.
     """
     joints, velocity, movers = _read(row, trajectory, problems.start.shape[1])
     # MuJoCo's integrators add the new velocity: q_end = q_middle + v_end h.
@@ -230,7 +232,8 @@ def judge_episode(
 
 
 def _closest(checker: Checker, q: np.ndarray) -> tuple[str, float] | None:
-    """The link nearest to an obstacle and its distance [m], None where none is within the margin."""
+    """The link nearest to an obstacle and its distance [m], None where none is within the
+    margin."""
     for first, second, distance in checker.contacts(q):  # sorted by distance
         names = [n for n in (first, second) if not n.startswith("obstacle")]
         if len(names) == 1:  # two: the arm with itself, which the verdict reports apart
@@ -259,7 +262,8 @@ class _Movers:
 def _read(
     row: Row, trajectory: Mapping[str, np.ndarray], count: int
 ) -> tuple[np.ndarray, np.ndarray, _Movers]:
-    """Positions and velocities (T, J) of `count` joints at the ends of the control steps, and the moving boxes."""
+    """Positions and velocities (T, J) of `count` joints at the ends of the control steps, and the
+    moving boxes."""
     try:
         joints = np.asarray(trajectory["joint_position"], float)[1:]
         velocity = np.asarray(trajectory["joint_velocity"], float)

@@ -36,7 +36,8 @@ def rerun(
         batch_size: another than the header's.
 
     Raises:
-        ResultsError: the policy cannot be had with the parameters that the header states, or the problems
+        ResultsError: the policy cannot be had with the parameters that the header states, or the
+        problems
             are not those that it was made on.
         PolicyError, WeightsError: it cannot be had at all, or is lost on the way.
     """
@@ -110,7 +111,8 @@ _ABSENT = "absent"
 
 
 def _own(parameters: Mapping[str, Scalar | list[Scalar]]) -> dict[str, Scalar | list[Scalar]]:
-    """The parameters of the innermost policy: those of what goes over it, and of its host, left out."""
+    """The parameters of the innermost policy: those of what goes over it, and of its host, left
+    out."""
     depth = max((len(_prefix(key)) for key in parameters), default=0)
     inner = {key[depth:]: value for key, value in parameters.items() if len(_prefix(key)) == depth}
     return {key: value for key, value in inner.items() if not key.startswith(_HOST)}

@@ -35,8 +35,8 @@ Watch = Callable[[Header, str, Sequence[int], Trace], None]
 
 @dataclass(frozen=True)
 class Request:
-    """What to run. `problems` maps each task, in order, to ids of `problem_set`, or None for all of them;
-    `policy_arguments` are the policy's own parameters, each as "name=value"."""
+    """What to run. `problems` maps each task, in order, to ids of `problem_set`, or None for all of
+    them; `policy_arguments` are the policy's own parameters, each as "name=value"."""
 
     policy: str
     problems: Mapping[str, Sequence[int] | None]

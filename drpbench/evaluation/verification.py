@@ -70,7 +70,8 @@ class Verification:
 
 
 def sample(result: Result, count: int, seed: int = 0) -> dict[str, list[int]]:
-    """`count` rows at random (all, where there are no more) as ids by task, in the order of the file."""
+    """`count` rows at random (all, where there are no more) as ids by task, in the order of the
+    file."""
     rng = np.random.default_rng(seed)
     chosen = rng.choice(len(result.rows), min(count, len(result.rows)), replace=False)
     ids: dict[str, list[int]] = {}
@@ -88,7 +89,8 @@ def verify(
     progress: RunProgress,
     problem_set: ProblemSet | None = None,
 ) -> Verification:
-    """Runs `count` random rows again, with the same policy, parameters, seed and batch size, and compares.
+    """Runs `count` random rows again, with the same policy, parameters, seed and batch size, and
+    compares.
 
     Args:
         name: what a message should call the result, usually its file.
@@ -97,7 +99,8 @@ def verify(
         problem_set: the one that the result was made on, where it does not come with the package.
 
     Raises:
-        ResultsError: the result is wrong (see `submission.check`), holds no row, or its policy cannot be
+        ResultsError: the result is wrong (see `submission.check`), holds no row, or its policy
+        cannot be
             had with the parameters it states.
         PolicyError, WeightsError: its policy cannot be had.
     """

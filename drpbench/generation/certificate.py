@@ -43,8 +43,8 @@ def certify(
 ) -> Certificate:
     """Checks a witness (m, J) [rad] from `start` (J,) to `goal` (J,) in the checkers' scene.
 
-    Both checkers must be of the same arm and hold the same scene. A witness of a single waypoint stands
-    still.
+    Both checkers must be of the same arm and hold the same scene. A witness of a single waypoint
+    stands still.
     """
     robot = spheres.robot
     witness = np.asarray(witness, float)

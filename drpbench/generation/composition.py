@@ -59,7 +59,8 @@ COMPOSITION: dict[str, tuple[Group, ...]] = {
 
 
 def group_of(task: str, index: int) -> Group:
-    """The group of a task's problem number `index`. Groups take turns, so any prefix is a sample."""
+    """The group of a task's problem number `index`. Groups take turns, so any prefix is a
+    sample."""
     groups = COMPOSITION[task]
     return groups[index % len(groups)]
 

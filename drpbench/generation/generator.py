@@ -1,7 +1,7 @@
 """The problem generator: draws scenes, starts and goals until one problem has its certificate.
 
-Problem number `index` of a task depends on nothing but its numbers: every attempt at it has a random
-stream of its own, and effort is counted in collision checks, never in seconds.
+Problem number `index` of a task depends on nothing but its numbers: every attempt at it has a
+random stream of its own, and effort is counted in collision checks, never in seconds.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ class Rejected(Exception):
 class Generator:
     """Makes problems one at a time. Holds the compiled checkers, so make one and keep it.
 
-    `meshes` is a checker on the real meshes; without it certificates rest on the spheres alone. The arm is
-    that of the checkers.
+    `meshes` is a checker on the real meshes; without it certificates rest on the spheres alone. The
+    arm is that of the checkers.
     """
 
     def __init__(self, spheres: Checker, meshes: Checker | None):

@@ -29,7 +29,8 @@ AXIS_Y = rotation.axis_angle((1, 0, 0), -np.pi / 2)  # turns a cylinder's axis f
 
 @dataclass(frozen=True)
 class Primitive:
-    """A box, cylinder (axis z) or sphere: `half_size` (3,) [m], `position` (3,), `quaternion` (4,)."""
+    """A box, cylinder (axis z) or sphere: `half_size` (3,) [m], `position` (3,), `quaternion`
+    (4,)."""
 
     kind: int
     half_size: np.ndarray
@@ -137,7 +138,8 @@ def region(
 
 @dataclass(frozen=True)
 class Furniture:
-    """Primitives and tight hand regions in the furniture's own frame, and its outer `size` (3,) [m].
+    """Primitives and tight hand regions in the furniture's own frame, and its outer `size` (3,)
+    [m].
 
     `size` is depth (x), width (y) and height (z) of the body itself, doors and drawers apart.
     """
@@ -181,8 +183,8 @@ def moved(hand: HandRegion, position: np.ndarray, turn: np.ndarray) -> HandRegio
 class Scene:
     """The obstacles, the table first, and the hand regions.
 
-    The obstacles' float32 numbers are those that are stored, so that whatever is verified is verified
-    on these.
+    The obstacles' float32 numbers are those that are stored, so that whatever is verified is
+    verified on these.
     """
 
     family: str

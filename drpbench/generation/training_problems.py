@@ -51,7 +51,8 @@ class Drawn:
 
 
 class Drawer:
-    """Draws the numbered problems of one stream. Holds a compiled checker, so make one and keep it."""
+    """Draws the numbered problems of one stream. Holds a compiled checker, so make one and keep
+    it."""
 
     def __init__(self, stream: str = TRAINING_STREAM, robot: Robot = PANDA):
         if stream == "benchmark":

@@ -48,7 +48,8 @@ def _rows(primitives: Primitives) -> tuple[Float[Array, " K"], ...]:
 
 
 def _pick(rows, which):
-    """The rows of the primitives that `which` names: one gather, because each costs as much as all."""
+    """The rows of the primitives that `which` names: one gather, because each costs as much as
+    all."""
     picked = jnp.stack(rows, axis=-1)[which]
     return tuple(picked[..., i] for i in range(len(rows)))
 
@@ -113,7 +114,8 @@ def _gradient(point, row):
     gv = jnp.where(outside, b * scale, jnp.where(second, 1.0, 0.0))
     gw = jnp.where(outside, c * scale, jnp.where(first | second, 0.0, 1.0))
 
-    # Unfolded: u_x spreads over the axes it was made of; gv and gw are zero where theirs never bind.
+    # Unfolded: u_x spreads over the axes it was made of; gv and gw are zero where theirs never
+    # bind.
     safe = radius > _TINY
     radial = gu / jnp.where(safe, radius, 1.0)
     nx = jnp.where(safe, radial * x, gu)
@@ -135,9 +137,9 @@ def nearest(
 ) -> tuple[Float[Array, "*points"], Int[Array, "*points"]]:
     """Signed distance [m] from each point to the nearest of K primitives, and which one it is.
 
-    Negative inside. `FAR` and index 0 where every primitive is masked. `primitives` has no batch axes
-    of its own: vmap over worlds. Of primitives whose distances agree to one part in 4 million / K,
-    any may be taken. For the distance alone `signed_distance` is faster.
+    Negative inside. `FAR` and index 0 where every primitive is masked. `primitives` has no batch
+    axes of its own: vmap over worlds. Of primitives whose distances agree to one part in 4 million
+    / K, any may be taken. For the distance alone `signed_distance` is faster.
     """
     if primitives.count == 0:
         shape = points.shape[:-1]
@@ -166,8 +168,8 @@ def signed_distance(
 ) -> Float[Array, "*points"]:
     """Signed distance [m] from each point to the union of the primitives; negative inside.
 
-    `FAR` where every primitive is masked. Differentiable in `points` only, by the nearest primitive's
-    closed-form normal.
+    `FAR` where every primitive is masked. Differentiable in `points` only, by the nearest
+    primitive's closed-form normal.
     """
     if primitives.count == 0:
         return jnp.full(points.shape[:-1], FAR, points.dtype)

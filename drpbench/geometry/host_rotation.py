@@ -1,4 +1,5 @@
-"""Single rotations on the host, in double precision: what numbered scenes and problems are drawn with.
+"""Single rotations on the host, in double precision: what numbered scenes and problems are drawn
+with.
 
 `drpbench.geometry.quaternion_to_matrix` turns these quaternions (w, x, y, z) into matrices.
 """
@@ -11,7 +12,8 @@ import numpy as np
 
 
 def axis_angle(axis: Sequence[float | int] | np.ndarray, angle: float) -> np.ndarray:
-    """Quaternion (4,) of a turn by `angle` [rad] about `axis` (3,), which need not be of unit length."""
+    """Quaternion (4,) of a turn by `angle` [rad] about `axis` (3,), which need not be of unit
+    length."""
     direction = np.asarray(axis, float)
     direction = direction / np.linalg.norm(direction)
     return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * direction])

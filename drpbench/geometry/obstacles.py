@@ -22,8 +22,8 @@ _FILLER = 0.01  # [m] half size: a proper box, so that geometry on padded arrays
 class Obstacles:
     """K obstacles in the world frame, one scene or a batch of them. Lengths [m], quaternions wxyz.
 
-    `kind` and `half_size` as in `Primitives`. Where `mask` is false there is no obstacle. On the host
-    the arrays are numpy's, and become the device's by `primitives`.
+    `kind` and `half_size` as in `Primitives`. Where `mask` is false there is no obstacle. On the
+    host the arrays are numpy's, and become the device's by `primitives`.
     """
 
     kind: Int[Array, "*batch K"] | Int[np.ndarray, "*batch K"]
@@ -36,7 +36,8 @@ class Obstacles:
     def of(
         cls, kind: np.ndarray, half_size: np.ndarray, position: np.ndarray, quaternion: np.ndarray
     ) -> Obstacles:
-        """Obstacles that are all there: arrays (*batch, K), (*batch, K, 3), (..., 3) and (..., 4)."""
+        """Obstacles that are all there: arrays (*batch, K), (*batch, K, 3), (..., 3) and (...,
+        4)."""
         return cls(kind, half_size, position, quaternion, np.ones(np.shape(kind), bool))
 
     @classmethod

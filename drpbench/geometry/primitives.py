@@ -18,9 +18,9 @@ MAX_OBSTACLES = 24
 class Primitives:
     """A set of K solid primitives in the world frame, batched over any leading axes.
 
-    `half_size` is, in the primitive's own frame: a box's half extents; (radius, radius, half height)
-    of a cylinder about z; (radius, radius, radius) of a sphere [m]. `rotation` takes the primitive's
-    frame to the world's. Where `mask` is false there is no primitive.
+    `half_size` is, in the primitive's own frame: a box's half extents; (radius, radius, half
+    height) of a cylinder about z; (radius, radius, radius) of a sphere [m]. `rotation` takes the
+    primitive's frame to the world's. Where `mask` is false there is no primitive.
     """
 
     kind: Int[Array, "*batch K"] | Int[np.ndarray, "*batch K"]

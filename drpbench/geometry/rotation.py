@@ -17,7 +17,8 @@ def quaternion_to_matrix(
 def quaternion_to_matrix(
     quaternion: Float[Array, "*batch 4"] | Float[np.ndarray, "*batch 4"],
 ) -> Float[Array, "*batch 3 3"] | Float[np.ndarray, "*batch 3 3"]:
-    """Rotation matrices of unit quaternions; computed by JAX for its arrays, by NumPy for its own."""
+    """Rotation matrices of unit quaternions; computed by JAX for its arrays, by NumPy for its
+    own."""
     xp = jnp if isinstance(quaternion, jax.Array) else np
     w, x, y, z = (quaternion[..., i] for i in range(4))
     rows = [
@@ -31,7 +32,8 @@ def quaternion_to_matrix(
 def rotation_angle(
     first: Float[Array, "*batch 3 3"], second: Float[Array, "*batch 3 3"]
 ) -> Float[Array, "*batch"]:
-    """Angle [rad] between two rotations, exact near 0 too: |R1 - R2|_F = 2 sqrt(2) sin(angle / 2)."""
+    """Angle [rad] between two rotations, exact near 0 too: |R1 - R2|_F = 2 sqrt(2) sin(angle /
+    2)."""
     turn = first - second
     sine = jnp.sqrt(jnp.sum(turn * turn, axis=(-2, -1))) / (2.0 * jnp.sqrt(2.0))
     return 2.0 * jnp.arcsin(jnp.minimum(sine, 1.0))
@@ -40,7 +42,8 @@ def rotation_angle(
 def matrix_to_quaternion(rotation: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 4"]:
     """Unit quaternion wxyz of a rotation matrix, w or the largest component positive.
 
-    Each row below is 4 times one component times the quaternion; the longest is the best conditioned.
+    Each row below is 4 times one component times the quaternion; the longest is the best
+    conditioned.
     """
     r = rotation
     xx, yy, zz = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]

@@ -1,4 +1,5 @@
-"""The five tasks as Gymnasium environments; importing this registers them. docs/environments.md has more.
+"""The five tasks as Gymnasium environments; importing this registers them. docs/environments.md has
+more.
 
 import gymnasium, drpbench.gym
 envs = gymnasium.make_vec("drpbench/FDO-v1", num_envs=64)

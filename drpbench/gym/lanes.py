@@ -1,7 +1,7 @@
 """Episodes that a caller steps: one compiled program for all lanes, which share one clock.
 
-An event at a fixed time then costs nothing in other steps (see `drpbench.envs.Task`), and every lane's
-episode begins and ends with the others'.
+An event at a fixed time then costs nothing in other steps (see `drpbench.envs.Task`), and every
+lane's episode begins and ends with the others'.
 """
 
 from dataclasses import dataclass
@@ -37,8 +37,8 @@ class Outcome:
 class Lanes:
     """`count` episodes in one world, side by side.
 
-    `stream` is the random stream of the worlds (see `instance_key`), another one for other problems than
-    the benchmark's.
+    `stream` is the random stream of the worlds (see `instance_key`), another one for other problems
+    than the benchmark's.
     """
 
     def __init__(self, world: World, count: int, seed: int, stream: int):

@@ -1,4 +1,5 @@
-"""Which problems an environment serves: the frozen ones by number, or training problems by number."""
+"""Which problems an environment serves: the frozen ones by number, or training problems by
+number."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
@@ -33,7 +34,8 @@ class Problems(Protocol):
 
 
 class Frozen:
-    """The problems of a set, in a random order that comes to each of them before it begins again."""
+    """The problems of a set, in a random order that comes to each of them before it begins
+    again."""
 
     stream = WORLD  # as in `drpbench run`: the same boxes, the same points
 
@@ -63,8 +65,8 @@ _MOST = 2**31  # training problems there are numbers for
 class Training:
     """Problems to learn from, drawn on the host from the stream of `drpbench data`.
 
-    Those with a box on their goal are passed over for the next number that has none. Where they begin,
-    and on which level, the task says (`Task.starts_at_goal`, `Task.training_level`).
+    Those with a box on their goal are passed over for the next number that has none. Where they
+    begin, and on which level, the task says (`Task.starts_at_goal`, `Task.training_level`).
     """
 
     stream = 2  # no box and no point as in the benchmark

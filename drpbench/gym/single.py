@@ -13,7 +13,8 @@ from .vector import VectorEnv
 
 
 class SingleEnv(gymnasium.Env):
-    """A vector environment of one lane, without the axis of lanes. See `VectorEnv` for what it means."""
+    """A vector environment of one lane, without the axis of lanes. See `VectorEnv` for what it
+    means."""
 
     metadata = {
         name: value for name, value in VectorEnv.metadata.items() if name != "autoreset_mode"

@@ -26,17 +26,17 @@ _VERDICT = ("reached", "collided", "finite", "valid")
 class VectorEnv(gymnasium.vector.VectorEnv):
     """One task, `num_envs` problems at once, in one compiled JAX program.
 
-    Observations are dictionaries of arrays (`drpbench.gym.spaces`), actions absolute joint targets [rad]
-    of shape (num_envs, J), J = 7 for the Panda. The reward is 1 for success at the last control step, and
-    0 otherwise: an episode's return is its success. Nothing terminates an episode before its 1000 control
-    steps; then all lanes are truncated together, and `reset` begins the next problems.
+    Observations are dictionaries of arrays (`drpbench.gym.spaces`), actions absolute joint targets
+    [rad] of shape (num_envs, J), J = 7 for the Panda. The reward is 1 for success at the last
+    control step, and 0 otherwise: an episode's return is its success. Nothing terminates an episode
+    before its 1000 control steps; then all lanes are truncated together, and `reset` begins the
+    next problems.
 
     Args:
-        num_envs: how many problems at once.
-        task: SE, SAO, FDO, GB or DGB.
-        problems: "frozen" for the benchmark's, "training" for others drawn to learn from, or a ProblemSet.
-        run_seed: the seed of `drpbench run`: of point clouds and of how boxes move.
-        episode: how long an episode is; another one than the benchmark's is for trying things out.
+        num_envs: how many problems at once. task: SE, SAO, FDO, GB or DGB. problems: "frozen" for
+        the benchmark's, "training" for others drawn to learn from, or a ProblemSet. run_seed: the
+        seed of `drpbench run`: of point clouds and of how boxes move. episode: how long an episode
+        is; another one than the benchmark's is for trying things out.
 
     Raises:
         ValueError: an argument is not one of those.
@@ -82,11 +82,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
         Args:
             seed: of the order in which problems are served; None goes on in the order begun.
-            options: `{"id": [...]}` names the problem of each lane. `{"reset_mask": [...]}` may only be
+            options: `{"id": [...]}` names the problem of each lane. `{"reset_mask": [...]}` may
+            only be
                 true everywhere, for all lanes' episodes begin and end together.
 
-        After a rehearsal of SAO, a reset without seed and id begins the second pass: the same problems,
-        now with a box on the path taken.
+        After a rehearsal of SAO, a reset without seed and id begins the second pass: the same
+        problems, now with a box on the path taken.
 
         Raises:
             ValueError: an option is unknown, or names no problem.
@@ -127,7 +128,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             raise ValueError(f"no option {unknown[0]!r}; there are: {', '.join(_OPTIONS)}")
         if not np.all(options.get("reset_mask", True)):
             raise ValueError(
-                "reset_mask is not true everywhere: all lanes share one clock, and their episodes end "
+                "reset_mask is not true everywhere: all lanes share one clock, and their "
+                "episodes end "
                 f"together after {self._lanes.world.episode.steps} steps"
             )
         if "id" not in options:

@@ -1,15 +1,16 @@
-"""Training samples, made on the accelerator: a place on a demonstrated path, what would be seen there,
-and where the arm should be in the next control steps.
+"""Training samples, made on the accelerator: a place on a demonstrated path, what would be seen
+there, and where the arm should be in the next control steps.
 
-The policy sees positions and no velocities, so what it learns is a field: at this configuration, in this
-scene, move so. From paths that start from rest it would learn to stay at rest. Therefore paths are
-walked at a speed that depends on the place alone: constant, and falling in proportion to the way that
-is left at the end,
+The policy sees positions and no velocities, so what it learns is a field: at this configuration, in
+this scene, move so. From paths that start from rest it would learn to stay at rest. Therefore paths
+are walked at a speed that depends on the place alone: constant, and falling in proportion to the
+way that is left at the end,
 
     dr/dt = -SPEED min(1, r / NEAR),    r: way left [s at the velocity limits]
 
-so that the arm converges to the goal, or to where it has to stop. The arm is put beside the path by a
-random offset, from which it is led back within the same time constant, NEAR / SPEED: without that, a policy that strays has never seen the way back.
+so that the arm converges to the goal, or to where it has to stop. The arm is put beside the path by
+a random offset, from which it is led back within the same time constant, NEAR / SPEED: without
+that, a policy that strays has never seen the way back.
 """
 
 from __future__ import annotations
@@ -46,7 +47,8 @@ class Batch:
 
 
 def near(robot: Robot = PANDA) -> float:
-    """NEAR [s at the velocity limits]: what the slowest joint needs for the ramp of a chunk's units."""
+    """NEAR [s at the velocity limits]: what the slowest joint needs for the ramp of a chunk's
+    units."""
     return RAMP / float(robot.velocity_limit.min())
 
 
@@ -118,8 +120,8 @@ def cloud(
 ) -> tuple[Float[Array, "count 3"], Bool[Array, " count"]]:
     """Points on the obstacles at z >= 0, as in the world, and which of them there are.
 
-    In half of the clouds each obstacle is seen more or less densely, by a random factor: in the world
-    the points of moving boxes are denser than those of furniture.
+    In half of the clouds each obstacle is seen more or less densely, by a random factor: in the
+    world the points of moving boxes are denser than those of furniture.
     """
     points_key, spread_key, half_key = jax.random.split(key, 3)
     spread = DENSITY_SPREAD * (jax.random.uniform(half_key) < 0.5)

@@ -47,7 +47,8 @@ class Checkpoints:
         except Exception as error:  # orbax raises many kinds, over many lines
             reason = str(error).strip().splitlines()[0]
             raise CheckpointError(
-                f"{self._folder}/{self.latest} cannot be resumed: damaged, or of another network ({reason})"
+                f"{self._folder}/{self.latest} cannot be resumed: damaged, or of another "
+                f"network ({reason})"
             ) from None
         return jax.tree.unflatten(jax.tree.structure(like), jax.tree.leaves(leaves))
 

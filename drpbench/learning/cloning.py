@@ -1,8 +1,8 @@
 """Behaviour cloning: a network learns the expert's next moves from demonstrations.
 
-Samples, their point clouds, gradients and updates are one compiled program, many steps a call: nothing
-passes through the host. Every random number comes from the seed and the step's number, so that a run
-that was cut off goes on as if it had not been.
+Samples, their point clouds, gradients and updates are one compiled program, many steps a call:
+nothing passes through the host. Every random number comes from the seed and the step's number, so
+that a run that was cut off goes on as if it had not been.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ class CloningSettings:
     averaging: float = 0.999
     """Decay of the running average of the weights: the average is what is used and shipped."""
     precision: str = "float32"
-    """In which the network computes: float32 or bfloat16. Weights and updates are always float32."""
+    """In which the network computes: float32 or bfloat16. Weights and updates are always float32.
+    """
     seed: int = 0
 
 
@@ -52,7 +53,8 @@ class TrainingState:
 
 
 def piece_size(batch: int) -> int:
-    """Samples whose gradient is taken at once: all of them, but on a CPU 16 to 32 where they divide."""
+    """Samples whose gradient is taken at once: all of them, but on a CPU 16 to 32 where they
+    divide."""
     if jax.default_backend() != "cpu":
         return batch
     return next((size for size in range(32, 15, -1) if batch % size == 0), batch)

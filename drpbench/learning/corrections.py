@@ -1,13 +1,13 @@
-"""Corrections: the expert shows the way on from where a policy went astray (DAgger; Ross, Gordon and
-Bagnell, 2011).
+"""Corrections: the expert shows the way on from where a policy went astray (DAgger; Ross, Gordon
+and Bagnell, 2011).
 
-The policy leads the arm through demonstrated scenes, without dynamics: the arm is at each target when the
-next one is asked for. Of each episode one configuration is kept, mostly the last ones before the arm
-touches something, and from there the expert plans to the same goal. What a policy has learned from its own
-mistakes no offset beside a demonstrated path can teach it.
+The policy leads the arm through demonstrated scenes, without dynamics: the arm is at each target
+when the next one is asked for. Of each episode one configuration is kept, mostly the last ones
+before the arm touches something, and from there the expert plans to the same goal. What a policy
+has learned from its own mistakes no offset beside a demonstrated path can teach it.
 
-Each episode is then interrupted at a random time and goes on in the same scene with one box more, that
-stands on the policy's own way or on its goal; of that one too a configuration is kept.
+Each episode is then interrupted at a random time and goes on in the same scene with one box more,
+that stands on the policy's own way or on its goal; of that one too a configuration is kept.
 """
 
 from collections.abc import Callable
@@ -82,7 +82,8 @@ def _walk(
 def _last(
     walked: Float[Array, "T J"], room: Float[Array, " T"], goal: Float[Array, " J"]
 ) -> tuple[Int[Array, ""], Bool[Array, ""]]:
-    """The last target before the arm touches something or is at its goal, and whether it touches; -1: none."""
+    """The last target before the arm touches something or is at its goal, and whether it touches;
+    -1: none."""
     number = jnp.arange(STEPS)
     touch = jnp.min(jnp.where(room < _TOUCH, number, STEPS))
     arrived = jnp.max(jnp.abs(walked - goal), axis=-1) < _ARRIVED
@@ -115,8 +116,9 @@ def _interrupted(
     key: PRNGKeyArray,
     robot: Robot = PANDA,
 ) -> tuple[Demonstrations, Float[Array, " J"], Bool[Array, ""]]:
-    """The scene with one box more, that appears while the arm is under way; where the arm is then; and
-    whether one was found that leaves it room, and is on the goal or leaves room to the arm there too."""
+    """The scene with one box more, that appears while the arm is under way; where the arm is then;
+    and whether one was found that leaves it room, and is on the goal or leaves room to the arm
+    there too."""
     goal = jnp.asarray(demonstration.goal)
     last = _last(walked, room, goal)[0]
     way = jnp.concatenate([walked, goal[None]])
@@ -175,7 +177,8 @@ def _hint(path: Float[Array, "m J"], q: Float[Array, " J"]) -> Float[Array, "m J
 def _strays(robot: Robot) -> Callable[..., Any]:
     @partial(jax.vmap, in_axes=(None, 0, 0))
     def both(policy, demonstration, key):
-        """Scene, where the arm has strayed to, whether it has, and a hint: without and with a box more."""
+        """Scene, where the arm has strayed to, whether it has, and a hint: without and with a box
+        more."""
         goal, path = demonstration.goal, demonstration.path
         walk_key, stray_key, box_key, again_key, last_key = jax.random.split(key, 5)
         way = _walk(policy, path[0], goal, demonstration.obstacles.primitives(), walk_key, robot)
@@ -194,8 +197,8 @@ def _strays(robot: Robot) -> Callable[..., Any]:
 def correct(
     policy: Policy, demonstrations: Demonstrations, seed: int, robot: Robot = PANDA
 ) -> Demonstrations:
-    """The expert's paths from where `policy` goes astray in each of up to `batch_size()` demonstrations,
-    and again with one box more; those that it solves."""
+    """The expert's paths from where `policy` goes astray in each of up to `batch_size()`
+    demonstrations, and again with one box more; those that it solves."""
     count = demonstrations.count
     filled = jax.tree.map(
         lambda leaf: np.resize(leaf, (batch_size(), *leaf.shape[1:])), demonstrations
@@ -221,7 +224,8 @@ def fill_corrections(
     progress: Callable[[int, int], None],
     robot: Robot = PANDA,
 ) -> None:
-    """Makes the shards that are not there yet, from the first `count` demonstrations, a multiple of SHARD.
+    """Makes the shards that are not there yet, from the first `count` demonstrations, a multiple of
+    SHARD.
 
     `progress(demonstrations, corrections)` is called after every batch.
     """

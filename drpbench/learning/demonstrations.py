@@ -1,4 +1,5 @@
-"""What is learned from: scenes and the expert's paths through them, and nothing that can be computed.
+"""What is learned from: scenes and the expert's paths through them, and nothing that can be
+computed.
 
 Point clouds are sampled from the primitives at every training step, the arm's from its kinematics.
 """
@@ -31,11 +32,12 @@ class DataError(DrpbenchError):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Demonstrations:
-    """Solved problems, one or a batch of N, K obstacle slots, T waypoints, J joints. Lengths [m], joints [rad], wxyz.
+    """Solved problems, one or a batch of N, K obstacle slots, T waypoints, J joints. Lengths [m],
+    joints [rad], wxyz.
 
-    `path` is the expert's, its waypoints at even steps of travel time; `length` is the time [s] that it
-    takes at the arm's velocity limits. It ends at `goal` where `reached`, and else as near to it as
-    the arm gets without touching. `index` is the problem's number in its stream.
+    `path` is the expert's, its waypoints at even steps of travel time; `length` is the time [s]
+    that it takes at the arm's velocity limits. It ends at `goal` where `reached`, and else as near
+    to it as the arm gets without touching. `index` is the problem's number in its stream.
     """
 
     index: Int[Array, "*batch"] | Int[np.ndarray, "*batch"]
@@ -74,8 +76,8 @@ def join(parts: Sequence[Demonstrations]) -> Demonstrations:
 class Shards:
     """A folder of demonstrations: one NPZ for each range of problem numbers, and a manifest.
 
-    A range is written once and whole, so a run that was cut off goes on at the first range that is not
-    there, and another run may add further ranges. Raises DataError.
+    A range is written once and whole, so a run that was cut off goes on at the first range that is
+    not there, and another run may add further ranges. Raises DataError.
     """
 
     def __init__(self, folder: Path, stream: str, size: int):
@@ -167,7 +169,8 @@ def _sound(folder: Path, row: dict) -> bool:
 
 
 def read(folder: Path) -> Demonstrations:
-    """All demonstrations of a folder, each shard checked against its checksum, in order of number."""
+    """All demonstrations of a folder, each shard checked against its checksum, in order of
+    number."""
     manifest = read_manifest(folder)
     if manifest["format"] != FORMAT:
         raise DataError(f"{folder} is of format {manifest['format']}; this version reads {FORMAT}")

@@ -41,7 +41,8 @@ class Feed(Protocol):
 
 
 class Folder:
-    """What `drpbench data` and `drpbench correct` wrote, in one folder or several. Raises DataError."""
+    """What `drpbench data` and `drpbench correct` wrote, in one folder or several. Raises
+    DataError."""
 
     def __init__(self, *folders: Path):
         self._demonstrations = join([read(folder) for folder in folders])

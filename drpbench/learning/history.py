@@ -49,7 +49,8 @@ class History:
         return [Progress(**row) for row in rows]
 
     def rewind(self, step: int) -> list[Progress]:
-        """Drops the lines beyond a step: a resumed run makes them again. Returns those that stay."""
+        """Drops the lines beyond a step: a resumed run makes them again. Returns those that
+        stay."""
         kept = [line for line in self.read() if line.step <= step]
         self._path.unlink(missing_ok=True)
         for line in kept:
@@ -67,7 +68,8 @@ class History:
 
 
 def plot(history: list[Progress], path: Path) -> None:
-    """Loss, and validated success with its 95 % intervals, against samples, as a picture. Needs matplotlib."""
+    """Loss, and validated success with its 95 % intervals, against samples, as a picture. Needs
+    matplotlib."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")

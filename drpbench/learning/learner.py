@@ -52,21 +52,23 @@ class Learner(Network, Protocol):
     def sample(self, key: PRNGKeyArray, demonstrations: Demonstrations, count: int) -> Any:
         """What the network sees in one step, and what it should answer: `count` samples.
 
-        Any pytree of arrays with the leading axis `count`. All randomness comes from `key`; a loss that
-        needs some takes it from a leaf of keys. The default is `drpbench.learning.batches.Batch`.
+        Any pytree of arrays with the leading axis `count`. All randomness comes from `key`; a loss
+        that needs some takes it from a leaf of keys. The default is
+        `drpbench.learning.batches.Batch`.
         """
         return sample(key, demonstrations, count, SCENE_POINTS, self.robot)
 
     def loss(self, parameters: Any, batch: Any, precision: str) -> Float[Array, ""]:
-        """The mean loss over the samples. `precision` (float32 or bfloat16) is the network's; the loss
-        itself is float32."""
+        """The mean loss over the samples. `precision` (float32 or bfloat16) is the network's; the
+        loss itself is float32."""
         ...
 
 
 def check(
     learner: Learner, demonstrations: Demonstrations, count: int, precision: str = "float32"
 ) -> None:
-    """Raises LearnerError unless `learner` can learn from these demonstrations, `count` samples a step.
+    """Raises LearnerError unless `learner` can learn from these demonstrations, `count` samples a
+    step.
 
     Works on shapes alone, so that a mistake costs neither compilation nor training.
     """

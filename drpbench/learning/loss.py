@@ -12,7 +12,8 @@ from jaxtyping import Array, Float
 def chunk_loss(
     chunk: Float[Array, "*batch C J"], answer: Float[Array, "*batch C J"]
 ) -> Float[Array, ""]:
-    """The mean of L over a batch of chunks that were demonstrated, and of those that were answered."""
+    """The mean of L over a batch of chunks that were demonstrated, and of those that were
+    answered."""
     squares = jnp.sum(jnp.square(chunk - answer), axis=-1)
     # The root's slope at zero is infinite.
     return jnp.mean(jnp.sqrt(squares + 1e-6))

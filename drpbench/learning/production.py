@@ -1,4 +1,5 @@
-"""Demonstrations without end: processes on the host draw problems, the expert solves them in batches."""
+"""Demonstrations without end: processes on the host draw problems, the expert solves them in
+batches."""
 
 from __future__ import annotations
 
@@ -43,7 +44,8 @@ def _without_accelerator() -> None:
 
 
 def batch_size() -> int:
-    """How many problems the expert solves at once: what fills the device without keeping it waiting."""
+    """How many problems the expert solves at once: what fills the device without keeping it
+    waiting."""
     return 64 if jax.default_backend() == "cpu" else 512
 
 
@@ -114,7 +116,8 @@ def fill(
 ) -> None:
     """Makes the shards of problem `numbers` that are not there yet.
 
-    `progress(drawn, solved)` is called after every batch. `numbers` begins and ends at a shard's end.
+    `progress(drawn, solved)` is called after every batch. `numbers` begins and ends at a shard's
+    end.
     """
     missing = [first for first in numbers[::SHARD] if first not in shards.done]
     if not missing:

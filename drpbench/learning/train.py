@@ -40,8 +40,8 @@ class TrainingError(DrpbenchError):
 
 @dataclass(frozen=True)
 class Run:
-    """What to train, and where. Periods are in steps; `report_every` divides all of them: so many steps
-    are one call of the compiled program."""
+    """What to train, and where. Periods are in steps; `report_every` divides all of them: so many
+    steps are one call of the compiled program."""
 
     out: Path
     learner: Learner
@@ -182,7 +182,8 @@ def _check_folder(run: Run) -> None:
 
 
 def _note_settings(run: Run, step: int) -> None:
-    """Writes with which settings the run goes on from this step, if they differ from those before."""
+    """Writes with which settings the run goes on from this step, if they differ from those
+    before."""
     path = run.out / "settings.json"
     stretches = json.loads(path.read_text()) if run.resume else []
     before = _BEFORE_NETWORKS | stretches[-1] if stretches else {}

@@ -27,7 +27,8 @@ class Score:
 
 
 class Validation:
-    """The first so many problems of the validation stream whose goals are free, as the static task."""
+    """The first so many problems of the validation stream whose goals are free, as the static
+    task."""
 
     def __init__(self, count: int = LANES, robot: Robot = PANDA):
         drawer, number = Drawer(VALIDATION_STREAM), 0
@@ -39,7 +40,8 @@ class Validation:
         self._problems, self._count = problems(drawn, robot), count
 
     def score(self, policy: Policy) -> Score:
-        """Episodes of the policy. Nothing is compiled for one of the structure of an earlier one."""
+        """Episodes of the policy. Nothing is compiled for one of the structure of an earlier
+        one."""
         rollout = Rollout(World(TASKS["SE"]), policy, lanes=max(LANES, self._count))
         verdict = rollout.run(self._problems).verdict
         return Score(

@@ -14,8 +14,9 @@ from drpbench.robot import LinkPoses, Robot
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Cloud:
-    """Persistent scene points: those of the static scene in the world frame [m], and for each moving box
-    the tickets that say where on its surface its points are, whatever size it is born with."""
+    """Persistent scene points: those of the static scene in the world frame [m], and for each
+    moving box the tickets that say where on its surface its points are, whatever size it is born
+    with."""
 
     static_points: Float[Array, "*batch N 3"]
     static_mask: Bool[Array, "*batch N"]
@@ -24,7 +25,8 @@ class Cloud:
 
 @dataclass(frozen=True)
 class SurfaceCloud:
-    """The sensor of the benchmark: `points` of all surfaces, seen from everywhere, without noise."""
+    """The sensor of the benchmark: `points` of all surfaces, seen from everywhere, without
+    noise."""
 
     points: int = SCENE_POINTS
     ground: bool = True
@@ -33,7 +35,8 @@ class SurfaceCloud:
     def reset(
         self, keys: tuple[PRNGKeyArray, PRNGKeyArray], problem: Problem, movers: int
     ) -> Cloud:
-        """The points of an episode: the static scene's are drawn with the first key, tickets with the second."""
+        """The points of an episode: the static scene's are drawn with the first key, tickets with
+        the second."""
         on_static, on_each = shares(movers, self.points)
         points, mask = sample_static(keys[0], problem.obstacles, on_static, self.ground)
         tickets = jax.random.uniform(keys[1], (movers, on_each, 3))
@@ -92,8 +95,8 @@ def on_box(tickets: Float[Array, "P 3"], half_size: Float[Array, "3"]) -> Float[
 def scene_cloud(
     cloud: Cloud, movers: Movers, ground: bool = True
 ) -> tuple[Float[Array, "N 3"], Bool[Array, " N"]]:
-    """The scene points with the moving boxes where they are; with a `ground`, points below z = 0 are left
-    out."""
+    """The scene points with the moving boxes where they are; with a `ground`, points below z = 0
+    are left out."""
     local = jax.vmap(on_box)(cloud.mover_tickets, movers.half_size)
     r = movers.rotation[:, None]
     x, y, z = local[..., 0], local[..., 1], local[..., 2]

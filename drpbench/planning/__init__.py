@@ -1,1 +1,2 @@
-"""Motion planning: collision checks, inverse kinematics, sampling planners and the trajectory optimiser."""
+"""Motion planning: collision checks, inverse kinematics, sampling planners and the trajectory
+optimiser."""

@@ -17,8 +17,8 @@ from drpbench.errors import DrpbenchError
 from drpbench.geometry import BOX, CYLINDER, MAX_OBSTACLES, SPHERE, Obstacles
 from drpbench.robot import PANDA, Robot
 
-# Collision bits: links against obstacles, and links against links (by pairs). The base does not move
-# and stands on the table, so no motion puts it into an obstacle; see `base_clearance`.
+# Collision bits: links against obstacles, and links against links (by pairs). The base does not
+# move and stands on the table, so no motion puts it into an obstacle; see `base_clearance`.
 _OBSTACLE, _SELF = 1, 2
 _GEOM_TYPE = {
     BOX: mujoco.mjtGeom.mjGEOM_BOX,
@@ -64,14 +64,15 @@ class Checker:
     def set_obstacles(self, obstacles: Obstacles) -> None:
         """Puts the obstacles of one scene into the model, in place of those that were there.
 
-        The first one is what the arm stands on. Masked ones are left out. Raises DrpbenchError for more
-        than MAX_OBSTACLES.
+        The first one is what the arm stands on. Masked ones are left out. Raises DrpbenchError for
+        more than MAX_OBSTACLES.
         """
         self._clear()
         model, there = self.model, obstacles.present()
         if there.count > MAX_OBSTACLES:
             raise DrpbenchError(
-                f"a scene of {there.count} obstacles: MuJoCo's model of the arm has room for {MAX_OBSTACLES}"
+                f"a scene of {there.count} obstacles: MuJoCo's model of the arm has room for "
+                f"{MAX_OBSTACLES}"
             )
         kind, half_size = there.kind, there.half_size
         position, quaternion = there.position, there.quaternion
@@ -79,7 +80,8 @@ class Checker:
             geom, body, volume = self._geoms[slot], self._bodies[slot], self._volumes[slot]
             half = np.asarray(half_size[slot], float)
             model.geom_type[geom] = _GEOM_TYPE[int(kind[slot])]
-            # MuJoCo's sizes: (r, r, r) and (r, h/2, -) for spheres and cylinders, half extents else.
+            # MuJoCo's sizes: (r, r, r) and (r, h/2, -) for spheres and cylinders, half extents
+            # else.
             model.geom_size[geom] = half if kind[slot] != CYLINDER else (half[0], half[2], 0.0)
             if kind[slot] == BOX:
                 model.geom_rbound[geom] = np.linalg.norm(half)
@@ -112,7 +114,8 @@ class Checker:
         return self.clearance(q) > clearance
 
     def base_clearance(self) -> float:
-        """Distance [m], at most `margin`, of the immovable base from all obstacles but the table."""
+        """Distance [m], at most `margin`, of the immovable base from all obstacles but the
+        table."""
         mujoco.mj_kinematics(self.model, self.data)
         base = self.model.body(self.robot.links[0].name)
         own = range(base.geomadr[0], base.geomadr[0] + base.geomnum[0])
@@ -157,8 +160,8 @@ def sphere_checker(margin: float = 0.02, robot: Robot = PANDA) -> Checker:
 
 
 def mesh_checker(model: Path, margin: float = 0.02, robot: Robot = PANDA) -> Checker:
-    """Checker on the real meshes, each by its convex hull, the fingers' too: a certificate may ask for
-    more clearance than the fingers need. `model` is what `robot.meshes.find` returns.
+    """Checker on the real meshes, each by its convex hull, the fingers' too: a certificate may ask
+    for more clearance than the fingers need. `model` is what `robot.meshes.find` returns.
 
     Raises DrpbenchError for an arm without real meshes.
     """

@@ -1,4 +1,5 @@
-"""What nearness costs a configuration, with its gradient and Gauss-Newton Hessian in closed form."""
+"""What nearness costs a configuration, with its gradient and Gauss-Newton Hessian in closed
+form."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -22,8 +23,8 @@ class _Spheres:
     """Against obstacles."""
     outer: np.ndarray
     inner: np.ndarray
-    """The outer against the inner: the first of `Robot.self_collision_blocks`. The others hardly ever meet;
-    the final check sees all."""
+    """The outer against the inner: the first of `Robot.self_collision_blocks`. The others hardly
+    ever meet; the final check sees all."""
 
     @property
     def index_range(self) -> int:
@@ -48,8 +49,9 @@ def _spheres(robot: Robot) -> _Spheres:
 class Gaps:
     """Clearance [m] of spheres of the arm, by their surfaces; negative where they touch.
 
-    `obstacle`: of the moving spheres, from the nearest obstacle; `own`: of the spheres of the second group
-    of the first of `Robot.self_collision_blocks`, from the nearest sphere of its first group.
+    `obstacle`: of the moving spheres, from the nearest obstacle; `own`: of the spheres of the
+    second group of the first of `Robot.self_collision_blocks`, from the nearest sphere of its first
+    group.
     """
 
     obstacle: Float[Array, "*batch S"]

@@ -1,18 +1,18 @@
 """The expert: a batched trajectory optimiser that shows how to reach a joint-space goal.
 
 For each problem several seeds (the straight line, paths through via points, hints from a sampling
-planner) are optimised at once, every verdict comes from a check at fine resolution, and the shortest
-path that passes is returned. In the manner of cuRobo (Sundaralingam et al., 2023) and of CHOMP
-(Zucker et al., 2013), but second order: the unknowns are the control points c of a clamped cubic
-B-spline q(s), s in [0, 1], and Levenberg and Marquardt's method minimises
+planner) are optimised at once, every verdict comes from a check at fine resolution, and the
+shortest path that passes is returned. In the manner of cuRobo (Sundaralingam et al., 2023) and of
+CHOMP (Zucker et al., 2013), but second order: the unknowns are the control points c of a clamped
+cubic B-spline q(s), s in [0, 1], and Levenberg and Marquardt's method minimises
 
     sum_i 1/2 c_i^T R c_i  +  WEIGHT / T sum_t sum_k 1/2 max(0, a_tk - d_tk)^2
 
 over all but the first and last of them. R holds the integrals of squared velocity, acceleration and
-jerk; d_tk is the clearance of sphere k of the arm at waypoint t, a_tk the clearance that is wanted. The
-damping is a multiple of R, so steps are smooth. Where nothing is near, the straight line at even speed
-is the minimum. Where the goal is obstructed, each seed is first cut off and led to the nearest place
-to stop (`stopping.py`).
+jerk; d_tk is the clearance of sphere k of the arm at waypoint t, a_tk the clearance that is wanted.
+The damping is a multiple of R, so steps are smooth. Where nothing is near, the straight line at
+even speed is the minimum. Where the goal is obstructed, each seed is first cut off and led to the
+nearest place to stop (`stopping.py`).
 """
 
 from collections.abc import Callable
@@ -51,9 +51,9 @@ class PlannerSettings:
 
     `waypoints` a path (a power of two: what is learned from is stored in such arrays; at 64 the arm
     rarely moves more than 5 cm between two, less than any obstacle with the clearance wanted about
-    it is thick), `control_points` of its spline, `iterations` of the optimiser; `vias` is the number of seeds
-    through via points, beside the straight line and the hints. With `stop_short`, what was not solved
-    is searched again for a path that stops before the goal.
+    it is thick), `control_points` of its spline, `iterations` of the optimiser; `vias` is the
+    number of seeds through via points, beside the straight line and the hints. With `stop_short`,
+    what was not solved is searched again for a path that stops before the goal.
     """
 
     waypoints: int = 64
@@ -72,12 +72,13 @@ THOROUGH = PlannerSettings(iterations=30, vias=15, stop_short=True)
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Plan:
-    """A path of T waypoints [rad], at even steps of length (`retiming.uniform`); batched as planned.
+    """A path of T waypoints [rad], at even steps of length (`retiming.uniform`); batched as
+    planned.
 
-    `success`: the path passed the check and may be used. It ends at the goal where `reached`, and else
-    as near to it as the arm gets without touching. `obstructed`: the goal itself is in collision, so
-    it cannot be reached. `clearance` [m] is the smallest along the path, `length` [s] the least time
-    that the velocity limits allow for it.
+    `success`: the path passed the check and may be used. It ends at the goal where `reached`, and
+    else as near to it as the arm gets without touching. `obstructed`: the goal itself is in
+    collision, so it cannot be reached. `clearance` [m] is the smallest along the path, `length` [s]
+    the least time that the velocity limits allow for it.
     """
 
     path: Float[Array, "*batch T J"] | Float[np.ndarray, "*batch T J"]
@@ -113,7 +114,8 @@ def _seeds(start, goal, key, hints, lower, upper, settings, robot):
 
 
 def _activations(ends: Gaps, count: int) -> Gaps:
-    """(T, spheres) [m]: as much as is wanted, but no more than there is at the ends, rising from there."""
+    """(T, spheres) [m]: as much as is wanted, but no more than there is at the ends, rising from
+    there."""
 
     def between(clearance, least, most):
         rise = most * jnp.arange(count)[:, None] / _RAMP
@@ -158,7 +160,8 @@ def _optimise(seed, obstacles, activations, lower, upper, settings, robot):
 def _search(seeds, short, goal, obstacles, lower, upper, settings, robot):
     """The best path that comes of the seeds, its clearance and length, and whether it is any good.
 
-    Where `short`, the seeds are cut off at a place to stop first, and the best ends nearest to the goal.
+    Where `short`, the seeds are cut off at a place to stop first, and the best ends nearest to the
+    goal.
     """
     n, count = settings.control_points, settings.waypoints
     cut = jax.vmap(lambda path: shortened(path, goal, obstacles, lower, upper, robot))(seeds)
@@ -195,9 +198,9 @@ def plan(
 
     Paths keep `LIMIT_MARGIN` from the joint limits, but for a start or goal beyond.
 
-    `hints` are polylines from a sampling planner, of any number of waypoints; one that is shorter than
-    the others repeats its last waypoint. Without success the path is the best of the seeds' and must
-    not be used.
+    `hints` are polylines from a sampling planner, of any number of waypoints; one that is shorter
+    than the others repeats its last waypoint. Without success the path is the best of the seeds'
+    and must not be used.
     """
     ends = jnp.stack([start, goal])
     least, most = inner_limits(robot, np.float32)

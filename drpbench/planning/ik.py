@@ -1,7 +1,7 @@
 """Batched inverse kinematics: joint configurations that put the frame `grip` into a pose.
 
-Damped least squares (Wampler, 1986; Nakamura and Hanafusa, 1986) with Levenberg and Marquardt's rule
-for the damping. With e = (p* - p, log(R* R^T)) and J the geometric Jacobian of the grip,
+Damped least squares (Wampler, 1986; Nakamura and Hanafusa, 1986) with Levenberg and Marquardt's
+rule for the damping. With e = (p* - p, log(R* R^T)) and J the geometric Jacobian of the grip,
 
     dq = J^T (J J^T + damping I)^-1 e
 
@@ -31,8 +31,8 @@ _STEP = 0.5  # [rad] that a joint moves at most in one
 class Solutions:
     """Configurations `q` [rad] for one pose, one a seed, with what is left of the errors.
 
-    `position_error` [m], `orientation_error` [rad]; `converged` where both are within tolerance. All
-    keep `LIMIT_MARGIN` from the joint limits.
+    `position_error` [m], `orientation_error` [rad]; `converged` where both are within tolerance.
+    All keep `LIMIT_MARGIN` from the joint limits.
     """
 
     q: Float[Array, "*batch S J"] | Float[np.ndarray, "*batch S J"]
@@ -44,8 +44,8 @@ class Solutions:
 def rotation_vector(rotation: Float[Array, "3 3"]) -> Float[Array, "3"]:
     """Axis times angle [rad] of a rotation matrix, for angles up to a half turn.
 
-    Its skew part is sin(angle) times the axis, its trace 1 + 2 cos(angle). Near a half turn the sine
-    vanishes, and the axis is taken from the symmetric part, (1 - cos(angle)) axis axis^T.
+    Its skew part is sin(angle) times the axis, its trace 1 + 2 cos(angle). Near a half turn the
+    sine vanishes, and the axis is taken from the symmetric part, (1 - cos(angle)) axis axis^T.
     """
     skew = 0.5 * jnp.stack(
         [

@@ -11,7 +11,8 @@ LIMIT_MARGIN = 0.05  # [rad] kept from the joint limits
 def inner_limits(
     robot: Robot, dtype: type = np.float64
 ) -> tuple[Float[np.ndarray, " J"], Float[np.ndarray, " J"]]:
-    """Lower and upper joint limits [rad], LIMIT_MARGIN within the arm's, computed in the given precision."""
+    """Lower and upper joint limits [rad], LIMIT_MARGIN within the arm's, computed in the given
+    precision."""
     return (
         robot.joint_lower.astype(dtype) + LIMIT_MARGIN,
         robot.joint_upper.astype(dtype) - LIMIT_MARGIN,

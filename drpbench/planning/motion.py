@@ -1,4 +1,5 @@
-"""How far the arm moves at most between two configurations, and samples that are close by that measure.
+"""How far the arm moves at most between two configurations, and samples that are close by that
+measure.
 
 Joint i turning by d moves no point of the arm farther than lever_i |d| (`Robot.lever`).
 """
@@ -29,7 +30,8 @@ def samples(waypoints: np.ndarray, resolution: float, robot: Robot = PANDA) -> n
 def even_samples(
     path: Float[Array, "T J"], count: int, robot: Robot = PANDA
 ) -> tuple[Float[Array, "{count} J"], Float[Array, ""]]:
-    """`count` samples of a polyline and the motion [m] that no point of the arm exceeds between two."""
+    """`count` samples of a polyline and the motion [m] that no point of the arm exceeds between
+    two."""
     steps = jnp.sum(jnp.abs(jnp.diff(path, axis=0)) * robot.lever.astype(np.float32), axis=1)
     points, whole = polyline.evenly(path, steps, count)
     return points, whole / (count - 1)

@@ -28,8 +28,8 @@ def check_path(path: Float[Array, "T J"], obstacles: Field, robot: Robot = PANDA
     """Checks the polyline `path` [rad] against the obstacles, the arm itself and the joint limits.
 
     At every sample every moving sphere must keep CLEARANCE, and half of the motion between samples
-    where that is more: so the spheres touch nothing between the samples either. Links of the arm may
-    come as near each other as they like without touching. NaN never passes.
+    where that is more: so the spheres touch nothing between the samples either. Links of the arm
+    may come as near each other as they like without touching. NaN never passes.
     """
     model = robot.moving_spheres
     points, spacing = even_samples(path, SAMPLES, robot)

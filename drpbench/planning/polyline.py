@@ -19,7 +19,8 @@ def ends(steps: Float[Array, " S"]) -> Float[Array, " S+1"]:
 def along(
     path: Float[Array, "T J"], ends: Float[Array, " T"], wanted: Float[Array, " N"]
 ) -> Float[Array, "N J"]:
-    """Points of a polyline at the lengths `wanted`, `ends` being the lengths up to its waypoints."""
+    """Points of a polyline at the lengths `wanted`, `ends` being the lengths up to its
+    waypoints."""
     # Comparing with all of them is faster than a search, paths being short.
     step = jnp.sum(wanted[:, None] >= ends[None, 1:-1], axis=1)
     low, high = ends[step], ends[step + 1]
@@ -54,7 +55,8 @@ def evenly_on_host(
 
 
 def divided(path: Float[np.ndarray, "T J"], parts: Sequence[int]) -> Float[np.ndarray, "N J"]:
-    """The waypoints, and between them each step cut into as many equal `parts` as its number says."""
+    """The waypoints, and between them each step cut into as many equal `parts` as its number
+    says."""
     pieces = [path[:1]]
     for a, b, count in zip(path[:-1], path[1:], parts, strict=True):
         pieces.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])

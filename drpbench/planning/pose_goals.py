@@ -22,11 +22,12 @@ def nearest_goal(
     seeds: int = 32,
     robot: Robot = PANDA,
 ) -> tuple[Float[Array, " J"], Bool[Array, ""]]:
-    """The configuration [rad] for a grip pose (`position` [m], `quaternion` wxyz) to plan to from `start`.
+    """The configuration [rad] for a grip pose (`position` [m], `quaternion` wxyz) to plan to from
+    `start`.
 
-    Of the solutions of inverse kinematics that are free of collision the nearest to `start` in time at
-    full speed; of the others where none is free. The flag is false where there is no solution at all;
-    then the configuration is the one that comes nearest to the pose.
+    Of the solutions of inverse kinematics that are free of collision the nearest to `start` in time
+    at full speed; of the others where none is free. The flag is false where there is no solution at
+    all; then the configuration is the one that comes nearest to the pose.
     """
     found = ik.solve(position, quaternion, key, seeds, robot)
     contact = jax.vmap(lambda q: touches(gaps(q, obstacles, robot)))(found.q)

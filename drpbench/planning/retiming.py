@@ -21,7 +21,8 @@ _TINY = 1.0e-6
 
 
 def step_lengths(path: Float[Array, "T J"], robot: Robot = PANDA) -> Float[Array, " T-1"]:
-    """Length [s] of each step of a polyline: max_i |dq_i| / velocity_limit_i, its least duration."""
+    """Length [s] of each step of a polyline: max_i |dq_i| / velocity_limit_i, its least
+    duration."""
     return jnp.max(
         jnp.abs(jnp.diff(path, axis=0)) / robot.velocity_limit.astype(np.float32), axis=1
     )
@@ -32,9 +33,9 @@ def uniform(
 ) -> tuple[Float[Array, "{count} J"], Float[Array, ""]]:
     """The polyline `path` at `count` points of equal steps in length, and its whole length [s].
 
-    The length of a step is `step_lengths`, so the length of a path is the least time in which the velocity
-    limits let the arm follow it. First and last points are kept exactly; a path of no length gives
-    `count` times its first point.
+    The length of a step is `step_lengths`, so the length of a path is the least time in which the
+    velocity limits let the arm follow it. First and last points are kept exactly; a path of no
+    length gives `count` times its first point.
     """
     points, whole = polyline.evenly(path, step_lengths(path, robot), count)
     return points.at[0].set(path[0]).at[-1].set(path[-1]), whole
@@ -50,16 +51,18 @@ class Trajectory:
 
 
 def retime(path: Float[Array, "T J"], count: int = 256, robot: Robot = PANDA) -> Trajectory:
-    """`path` (T waypoints, T at least 3) in time, within the velocity, acceleration and jerk limits.
+    """`path` (T waypoints, T at least 3) in time, within the velocity, acceleration and jerk
+    limits.
 
-    The path is the natural cubic spline q(s) through the waypoints. With x = (ds/dt)^2 and u = d2s/dt2
+    The path is the natural cubic spline q(s) through the waypoints. With x = (ds/dt)^2 and u =
+    d2s/dt2
 
         |q'| sqrt(x) <= velocity limit      |q'| u + |q''| x <= acceleration limit
 
-    for every joint; the speed is the largest that a pass forwards and one backwards leave (Bobrow et
-    al., 1985; not the optimum, for the second inequality is stricter than need be). The whole is then
-    slowed down by as much as velocity, acceleration and jerk of the samples demand, by their finite
-    differences.
+    for every joint; the speed is the largest that a pass forwards and one backwards leave (Bobrow
+    et al., 1985; not the optimum, for the second inequality is stricter than need be). The whole is
+    then slowed down by as much as velocity, acceleration and jerk of the samples demand, by their
+    finite differences.
     """
     slopes = jnp.einsum("ij,ja->ia", natural_slopes(len(path)), path, precision="highest")
     step = (len(path) - 1) / _GRID

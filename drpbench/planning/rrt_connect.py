@@ -78,7 +78,8 @@ class Planner:
         return None
 
     def _grow(self, tree: _Tree, target: np.ndarray, reach: float) -> int | None:
-        """Walks from the nearest node towards `target`, at most `reach` [m]; the last node added."""
+        """Walks from the nearest node towards `target`, at most `reach` [m]; the last node
+        added."""
         index = tree.nearest(target)
         origin = tree.points[index]
         length = self._bound(origin, target)

@@ -1,8 +1,8 @@
 """Clamped cubic B-splines as matrices: a path is `basis @ control_points`.
 
-Optimising control points instead of waypoints makes every path twice continuously differentiable and
-leaves few unknowns. The curve lies in the control points' convex hull: joint limits that hold for
-them hold for it.
+Optimising control points instead of waypoints makes every path twice continuously differentiable
+and leaves few unknowns. The curve lies in the control points' convex hull: joint limits that hold
+for them hold for it.
 """
 
 from functools import cache
@@ -20,15 +20,16 @@ def _knots(control_points: int) -> np.ndarray:
 
 @cache
 def basis(control_points: int, count: int) -> np.ndarray:
-    """(count, control_points): values of the basis functions at `count` equal steps of s in [0, 1]."""
+    """(count, control_points): values of the basis functions at `count` equal steps of s in [0,
+    1]."""
     s = np.linspace(0.0, 1.0, count)
     return BSpline.design_matrix(s, _knots(control_points), _DEGREE).toarray().astype(np.float32)
 
 
 @cache
 def energy(control_points: int, velocity: float, acceleration: float, jerk: float) -> np.ndarray:
-    """(control_points, control_points) R with c^T R c = sum of weights times integrals over s in [0, 1]
-    of q'(s)^2, q''(s)^2 and q'''(s)^2, exact by Gauss-Legendre quadrature.
+    """(control_points, control_points) R with c^T R c = sum of weights times integrals over s in
+    [0, 1] of q'(s)^2, q''(s)^2 and q'''(s)^2, exact by Gauss-Legendre quadrature.
     """
     knots = _knots(control_points)
     spans = np.unique(knots)
@@ -46,7 +47,8 @@ def energy(control_points: int, velocity: float, acceleration: float, jerk: floa
 
 @cache
 def fit(control_points: int, count: int) -> np.ndarray:
-    """(control_points, count): the least-squares control points of `count` waypoints, ends exact."""
+    """(control_points, count): the least-squares control points of `count` waypoints, ends
+    exact."""
     full = basis(control_points, count).astype(float)
     ends = np.zeros((control_points, count))
     ends[0, 0] = ends[-1, -1] = 1.0
@@ -57,7 +59,8 @@ def fit(control_points: int, count: int) -> np.ndarray:
 
 @cache
 def natural_slopes(count: int) -> np.ndarray:
-    """(count, count): slopes at `count` waypoints, one apart, of the natural cubic spline through them.
+    """(count, count): slopes at `count` waypoints, one apart, of the natural cubic spline through
+    them.
 
     Its second derivative is continuous, and zero at the ends.
     """

@@ -28,7 +28,8 @@ def touches(found: Gaps) -> Bool[Array, ""]:
 def up_to_contact(
     path: Float[Array, "T J"], obstacles: Field, robot: Robot = PANDA
 ) -> Float[Array, "T J"]:
-    """The stretch of a path before its first contact, at as many waypoints, each step divided evenly."""
+    """The stretch of a path before its first contact, at as many waypoints, each step divided
+    evenly."""
     count = len(path)
     contact = jax.vmap(lambda q: touches(gaps(q, obstacles, robot)))(path)
     last = jnp.min(jnp.where(contact, jnp.arange(count) - 1, count - 1))

@@ -1,1 +1,2 @@
-"""How policies come in: by name, import path, entry point, from the host or from another process."""
+"""How policies come in: by name, import path, entry point, from the host or from another
+process."""

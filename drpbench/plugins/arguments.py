@@ -1,4 +1,5 @@
-"""Keyword parameters from the command line (`--policy-arg speed=0.3`), read by a policy's own signature."""
+"""Keyword parameters from the command line (`--policy-arg speed=0.3`), read by a policy's own
+signature."""
 
 import inspect
 import math
@@ -17,8 +18,9 @@ def read(
 ) -> dict[str, Any]:
     """The keyword arguments that `given` ("speed=0.3", ...) means for `make`.
 
-    Values are read by each parameter's annotation, or the type of its default where there is none: int,
-    float, bool or str. Those in `fixed` are settled already. Raises PolicyError, naming the policy as `name`.
+    Values are read by each parameter's annotation, or the type of its default where there is none:
+    int, float, bool or str. Those in `fixed` are settled already. Raises PolicyError, naming the
+    policy as `name`.
     """
     offered = {key: value for key, value in _offered(make).items() if key not in fixed}
     found: dict[str, Any] = {}
@@ -63,7 +65,8 @@ def accepted(make: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, A
 
 
 def _offered(make: Callable[..., Any]) -> dict[str, inspect.Parameter]:
-    """Parameters that can be given by name, each with its annotation resolved where that is possible."""
+    """Parameters that can be given by name, each with its annotation resolved where that is
+    possible."""
     try:
         parameters = inspect.signature(make).parameters
     except (TypeError, ValueError):  # written in C, without a signature

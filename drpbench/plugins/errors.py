@@ -19,7 +19,8 @@ class UnknownPolicy(PolicyError):
 
 
 def told(error: BaseException, most: int = 200) -> str:
-    """An error in one line: its type, its message, and where in the policy's own code it was raised."""
+    """An error in one line: its type, its message, and where in the policy's own code it was
+    raised."""
     message = " ".join(str(error).split())
     text = f"{type(error).__name__}: {message}" if message else type(error).__name__
     if len(text) > most:

@@ -1,13 +1,14 @@
 """Host policies at work: called outside jit, a batch of instances at a time, under a time limit.
 
     class MyPolicy:
-        arrays = "torch"                      # what it is handed: "numpy" (the default), "torch" or "jax"
+        arrays = "torch"                      # what it is handed: "numpy" (the default), "torch" or
+        "jax"
 
         def reset(self, observation): ...     # episodes begin: B of them, seen for the first time
         def act(self, observation): ...       # joint position targets (B, J) [rad]
 
-What it raises, answers wrongly or never answers fails the batch it happened in, with the reason in each
-row's status. docs/your-policy.md says all of it in words.
+What it raises, answers wrongly or never answers fails the batch it happened in, with the reason in
+each row's status. docs/your-policy.md says all of it in words.
 """
 
 import contextlib
@@ -61,8 +62,9 @@ class Hosted:
         over: Callable[[Policy], Policy] = lambda policy: policy,
         time_limit: float = TIME_LIMIT,
     ):
-        """`build` makes another one once `policy` hung; `over` puts JAX policies over it that change what
-        it sees (DCP-RMP); `time_limit` [s] is for one control step. Raises PolicyError."""
+        """`build` makes another one once `policy` hung; `over` puts JAX policies over it that
+        change what it sees (DCP-RMP); `time_limit` [s] is for one control step. Raises PolicyError.
+        """
         self.policy: HostPolicy | None = policy
         self._build, self.time_limit = build, time_limit
         self.arrays = getattr(policy, "arrays", "numpy")
@@ -81,8 +83,8 @@ class Hosted:
         return self.shown.privileged
 
     def reset(self, observation: Observation, count: int) -> None:
-        """Tells the policy that `count` episodes begin. Raises Failed; PolicyError where a policy that
-        hung cannot be made anew."""
+        """Tells the policy that `count` episodes begin. Raises Failed; PolicyError where a policy
+        that hung cannot be made anew."""
         if self.policy is None:
             self.policy = self._build()
         self._call("reset", observation, count, RESET_SHARE * self.time_limit)
@@ -178,8 +180,8 @@ def _as_jax(observation: Observation, count: int, policy: Any) -> _Handed:
 
 
 def _as_torch(observation: Observation, count: int, policy: Any) -> _Handed:
-    """Tensors: views of JAX's own buffers where both sit on one device, moved to `policy.device` if it
-    has one; and without gradients, which nobody would collect."""
+    """Tensors: views of JAX's own buffers where both sit on one device, moved to `policy.device` if
+    it has one; and without gradients, which nobody would collect."""
     torch = _torch()
     device = getattr(policy, "device", None)
 
@@ -212,6 +214,7 @@ def _torch() -> Any:
         import torch
     except ImportError:
         raise PolicyError(
-            'this policy asks for PyTorch tensors, and PyTorch is not installed: pip install "drpbench[torch]"'
+            "this policy asks for PyTorch tensors, and PyTorch is not installed: pip install "
+            '"drpbench[torch]"'
         ) from None
     return torch

@@ -78,7 +78,8 @@ def _module(path: str, name: str) -> ModuleType:
         if error.name and (name == error.name or name.startswith(f"{error.name}.")):
             hint = "; without .py, it is a module's name" if name.endswith(".py") else ""
             raise PolicyError(
-                f"{path}: there is no module {error.name!r}, neither here ({Path.cwd()}) nor installed"
+                f"{path}: there is no module {error.name!r}, neither here ({Path.cwd()}) nor "
+                f"installed"
                 f"{hint}"
             ) from None
         raise PolicyError(f"{path}: importing it failed: {told(error)}") from None

@@ -1,7 +1,7 @@
 """Networks by name: the known ones, those of installed packages, and yours by import path.
 
-A file of weights becomes a policy only with its network, and a user's own network is named beside the file:
-`my_package.my_module:MyLearner:weights.safetensors`.
+A file of weights becomes a policy only with its network, and a user's own network is named beside
+the file: `my_package.my_module:MyLearner:weights.safetensors`.
 """
 
 from collections.abc import Mapping
@@ -66,7 +66,8 @@ def policy_of_file(name: str, robot: Robot = PANDA) -> Any:
 
 
 def split(name: str) -> tuple[str, str]:
-    """`NETWORK:FILE` as its parts, where NETWORK may hold one colon; without a network ("", FILE)."""
+    """`NETWORK:FILE` as its parts, where NETWORK may hold one colon; without a network ("",
+    FILE)."""
     network, _, file = name.partition(":")
     if not file:
         return "", name

@@ -33,7 +33,8 @@ def _impact(
     robot: Robot = PANDA,
     control_period: float = EPISODE.period,
 ) -> Policy:
-    """IMPACT with shipped weights, or those of a file. Imports the network only where it is asked for."""
+    """IMPACT with shipped weights, or those of a file. Imports the network only where it is asked
+    for."""
     from drpbench.policies.weights import NETWORKS, load
 
     found: Any = load(weights, {"impact": NETWORKS["impact"]}, robot)
@@ -98,16 +99,16 @@ def choose(
     robot: Robot = PANDA,
     episode: Episode = EPISODE,
 ) -> Choice:
-    """The policy that `name` describes: `rmp`; with wrappers, `straight+dcp-rmp`; with a file of weights,
-    `impact:weights.safetensors`, and with one of your own network,
+    """The policy that `name` describes: `rmp`; with wrappers, `straight+dcp-rmp`; with a file of
+    weights, `impact:weights.safetensors`, and with one of your own network,
     `my_package.my_module:MyLearner:weights.safetensors`; yours by import path,
-    `my_package.my_module:MyPolicy`, or by the name under which your installed package offers it; or that of
-    another process, `remote:127.0.0.1:5555`.
+    `my_package.my_module:MyPolicy`, or by the name under which your installed package offers it; or
+    that of another process, `remote:127.0.0.1:5555`.
 
-    `arguments` are keyword parameters for the policy itself, each as "name=value"; `time_limit` [s] is
-    what a policy outside jit may take for a control step. Such a policy comes as a Hosted. A policy whose
-    factory has a parameter called `robot` or `control_period` gets the arm, or how long a control step of
-    the episode is [s].
+    `arguments` are keyword parameters for the policy itself, each as "name=value"; `time_limit` [s]
+    is what a policy outside jit may take for a control step. Such a policy comes as a Hosted. A
+    policy whose factory has a parameter called `robot` or `control_period` gets the arm, or how
+    long a control step of the episode is [s].
 
     Raises PolicyError or WeightsError, each one line.
     """
@@ -153,8 +154,8 @@ def at_hand(
 ) -> Choice:
     """A policy that is made already, in JAX or on the host, ready to run on this arm.
 
-    `time_limit` [s] is what one on the host may take for a control step. Raises PolicyError, one line, for
-    what is no policy.
+    `time_limit` [s] is what one on the host may take for a control step. Raises PolicyError, one
+    line, for what is no policy.
     """
     name = type(policy).__name__
     check(name, policy, observation_spec(robot))

@@ -2,10 +2,9 @@
 
 A message, in both directions (all numbers little-endian):
 
-    4 bytes   b"DRP1"
-    4 bytes   length of the header, unsigned
-    header    JSON: {"kind": ..., "arrays": [{"name": ..., "dtype": "<f4", "shape": [64, 7]}, ...], ...}
-    arrays    their bytes one after the other, row by row
+    4 bytes   b"DRP1" 4 bytes   length of the header, unsigned header    JSON: {"kind": ...,
+    "arrays": [{"name": ..., "dtype": "<f4", "shape": [64, 7]}, ...], ...} arrays    their bytes one
+    after the other, row by row
 
 docs/your-policy.md has the conversation; examples/remote_policy.py is the other side of it.
 """
@@ -119,7 +118,8 @@ def _host_and_port(address: str) -> tuple[str, int]:
     host, _, port = address.rpartition(":")
     if not host or not port.isdecimal() or int(port) >= 1 << 16:
         raise PolicyError(
-            f"remote:{address}: remote:HOST:PORT (remote:127.0.0.1:5555) is meant, or the path of a Unix"
+            f"remote:{address}: remote:HOST:PORT (remote:127.0.0.1:5555) is meant, or the path "
+            f"of a Unix"
             " socket (remote:/tmp/policy.sock)"
         )
     return host.strip("[]"), int(port)
@@ -201,7 +201,8 @@ class Remote:
 
 
 def _arrays(observation: HostObservation) -> dict[str, np.ndarray]:
-    """An observation's arrays by name; those of the obstacle models as `obstacles.position` and so on."""
+    """An observation's arrays by name; those of the obstacle models as `obstacles.position` and so
+    on."""
     arrays = {name: getattr(observation, name) for name in OBSERVED}
     if observation.obstacles is not None:
         models = vars(observation.obstacles)

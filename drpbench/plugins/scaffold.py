@@ -101,8 +101,8 @@ def test_targets_are_one_short_step_towards_the_goal():
 def write(name: str, folder: Path, taken: frozenset[str], spec: Spec | None = None) -> list[Path]:
     """Writes the package `folder/name`; returns its files. `spec` is of what its policy will see.
 
-    Raises PolicyError for a name that is none, is `taken` by a policy of drpbench or by a module, or whose
-    folder stands there already.
+    Raises PolicyError for a name that is none, is `taken` by a policy of drpbench or by a module,
+    or whose folder stands there already.
     """
     module = name.replace("-", "_")
     if not re.fullmatch(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*", name) or keyword.iskeyword(module):

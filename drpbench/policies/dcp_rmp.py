@@ -1,7 +1,7 @@
 """DCP-RMP: a Riemannian motion policy on the dynamic closest point, as a goal-proposal module.
 
-After the paper's appendix "DCP-RMP Details". With x_obs the dynamic scene point closest to the arm and
-x_p the arm's surface point closest to it:
+After the paper's appendix "DCP-RMP Details". With x_obs the dynamic scene point closest to the arm
+and x_p the arm's surface point closest to it:
 
     x_r  = |x_p - x_obs|^2                     J_r = 2 (x_p - x_obs)^T J_p
     s    = 1 - 1 / (1 + exp(-xd_r / l_v))      1 when closing, 0 when opening
@@ -16,10 +16,11 @@ pulled back to joint space and combined,
 and integrated by Euler steps from the arm's own state to the modified goal. Since J_r^T M_r J_r has
 rank one, the inverse is closed (Sherman and Morrison).
 
-Where this differs from what is published: x_r is the squared distance throughout, J_r its derivative
-(the authors' released code takes a plain distance with the squared distance's Jacobian); xd_r includes
-the obstacle's own motion, dx_obs/dt, because an obstacle that comes at a resting arm is closing too;
-the constants are tuned for squared metres on problems drawn apart from the frozen ones.
+Where this differs from what is published: x_r is the squared distance throughout, J_r its
+derivative (the authors' released code takes a plain distance with the squared distance's Jacobian);
+xd_r includes the obstacle's own motion, dx_obs/dt, because an obstacle that comes at a resting arm
+is closing too; the constants are tuned for squared metres on problems drawn apart from the frozen
+ones.
 """
 
 from dataclasses import dataclass, field, replace
@@ -133,7 +134,8 @@ class DcpRmp:
         return target, Carry(inner, observation.scene_points, observation.scene_mask)
 
     def reaction(self, observation: Observation, carry: Carry) -> Reaction:
-        """What `act` bases its answer on, for one observation and the carry that it would be given."""
+        """What `act` bases its answer on, for one observation and the carry that it would be
+        given."""
         robot, model = self.robot, self.robot.moving_spheres
         q = observation.joint_position
         poses = robot.link_poses(q)
@@ -172,8 +174,8 @@ def _closest(
     centers: Float[Array, "S 3"],
     radii: Float[Array, " S"],
 ) -> tuple[Float[Array, "3"], Float[Array, "3"], Int[Array, ""]]:
-    """x_obs, the dynamic point closest to the arm; x_p, the arm's surface point closest to it; and that
-    point's sphere."""
+    """x_obs, the dynamic point closest to the arm; x_p, the arm's surface point closest to it; and
+    that point's sphere."""
     # Each minimum is taken apart from its argument: XLA's argmin on the CPU is twenty times slower.
     gap = stored(jnp.min(jnp.sqrt(squared_distances(near, centers)) - radii, axis=1))
     x_obs = near[jnp.argmin(jnp.where(dynamic, gap, jnp.inf))]
@@ -196,8 +198,8 @@ def integrate(
     x_obs: Float[Array, "3"],
     v_obs: Float[Array, "3"],
 ) -> Float[Array, " J"]:
-    """The modified goal [rad] after the Euler steps. x_p follows the virtual arm to first order, and
-    x_obs keeps its velocity [m/s]."""
+    """The modified goal [rad] after the Euler steps. x_p follows the virtual arm to first order,
+    and x_obs keeps its velocity [m/s]."""
 
     def step(state: tuple, _: None) -> tuple[tuple, None]:
         p, v, obstacle = state

@@ -1,8 +1,8 @@
 """Which scene points move: those that were not there a frame ago.
 
-The paper builds a KD-tree of the previous frame's cloud and queries it with the current one; here the
-nearest neighbour is searched by brute force, for the points near the arm only, because only they can
-matter.
+The paper builds a KD-tree of the previous frame's cloud and queries it with the current one; here
+the nearest neighbour is searched by brute force, for the points near the arm only, because only
+they can matter.
 """
 
 from typing import cast

@@ -29,7 +29,8 @@ class Hold:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Straight:
-    """The straight line to the goal joints, at a share of the velocity limits; blind to the scene."""
+    """The straight line to the goal joints, at a share of the velocity limits; blind to the
+    scene."""
 
     speed: Scalar = 0.5
     robot: Robot = field(default=PANDA, metadata={"static": True})

@@ -5,10 +5,10 @@ For a distance x of any kind [u], its rate xd [u/s], and gains in units of u,
     f = k_p exp(-x / l_p) - k_v s xd / (x / l_d + eps_d)       s  1 when closing, 0 when opening
     m = s g mu_r / (x / l_m + eps_m)                           g  1 at contact, 0 from x = r on
 
-`rmp` has one leaf for each link, in metres; DCP-RMP has one, in squared metres. The switch s and the gate
-g come from the caller: DCP-RMP writes them as the paper does, 1 - 1 / (1 + exp(-xd / l_v)) and
-(x - r)^2 / r^2, `rmp` as sigmoid(-xd / l_v) and (1 - x / r)^2. The signs of xd and the curves agree, but the
-last digits do not, and the shipped results were made with each policy's own.
+`rmp` has one leaf for each link, in metres; DCP-RMP has one, in squared metres. The switch s and
+the gate g come from the caller: DCP-RMP writes them as the paper does, 1 - 1 / (1 + exp(-xd / l_v))
+and (x - r)^2 / r^2, `rmp` as sigmoid(-xd / l_v) and (1 - x / r)^2. The signs of xd and the curves
+agree, but the last digits do not, and the shipped results were made with each policy's own.
 """
 
 from typing import Protocol, runtime_checkable

@@ -1,8 +1,8 @@
 """Weights on disk: a safetensors file, and beside it a model card that is generated from its facts.
 
-The file's metadata hold a format that names the network, the network's sizes and the card's facts as JSON,
-and a SHA-256 of the numbers, so a file is whole by itself. Nothing is ever unpickled, and nothing is
-imported because a file names it.
+The file's metadata hold a format that names the network, the network's sizes and the card's facts
+as JSON, and a SHA-256 of the numbers, so a file is whole by itself. Nothing is ever unpickled, and
+nothing is imported because a file names it.
 """
 
 import hashlib
@@ -52,9 +52,10 @@ def save(
 ) -> str:
     """Writes the network's parameters, and the card beside them as Markdown; returns their SHA-256.
 
-    `card` must hold FACTS, and may hold more; values are whatever JSON holds. `storage` "float16" halves
-    the file; parameters are float32 again when loaded. The file appears whole or not at all.
-    Raises WeightsError for a card without its facts, or parameters that are not of the network's size.
+    `card` must hold FACTS, and may hold more; values are whatever JSON holds. `storage` "float16"
+    halves the file; parameters are float32 again when loaded. The file appears whole or not at all.
+    Raises WeightsError for a card without its facts, or parameters that are not of the network's
+    size.
     """
     path = Path(path)
     if path.suffix != ".safetensors":
@@ -88,9 +89,9 @@ def load(
 ) -> Policy:
     """The shipped policy of that name, or that of a file, a path that ends in `.safetensors`.
 
-    `networks` are those that the file may be of, by the names that a user knows them by.
-    Raises WeightsError, also where the network is one for another arm than `robot`: one line that names the
-    file, what is wrong and what would be right.
+    `networks` are those that the file may be of, by the names that a user knows them by. Raises
+    WeightsError, also where the network is one for another arm than `robot`: one line that names
+    the file, what is wrong and what would be right.
     """
     path = _find(name)
     metadata, tensors = _read(path)
@@ -120,7 +121,8 @@ def card(name: str | Path) -> dict[str, Any]:
 
 
 def checksum(name: str | Path) -> str:
-    """The SHA-256 of a file's numbers, as the file states it. Raises WeightsError as `load` does."""
+    """The SHA-256 of a file's numbers, as the file states it. Raises WeightsError as `load`
+    does."""
     metadata, _ = _read(_find(name))
     return metadata.get("sha256", "")
 

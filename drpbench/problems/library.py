@@ -35,7 +35,8 @@ def matching(name: str, sha256: str, given: ProblemSet | None = None) -> Problem
     """
     if given is None and name not in installed():
         raise ProblemSetError(
-            f"the problem set {name} does not come with drpbench; name its file with --problems-from"
+            f"the problem set {name} does not come with drpbench; name its file with "
+            f"--problems-from"
         )
     found = load_set(name) if given is None else given
     if found.sha256 != sha256:

@@ -7,8 +7,8 @@ The first line is the set's header, each further one a problem:
     {"id": 0, "task": "FDO", "start": [...], "goal": [...], "obstacles": [
      {"shape": "box", "size": [1.8, 2.0, 0.05], "position": [0.4, 0.0, -0.025]}]}
 
-(each on one line). docs/problems.md describes the fields. Numbers are the shortest that give back the
-stored float32, so writing and reading are inverse to the bit.
+(each on one line). docs/problems.md describes the fields. Numbers are the shortest that give back
+the stored float32, so writing and reading are inverse to the bit.
 """
 
 from __future__ import annotations
@@ -110,7 +110,8 @@ class _Fault(Exception):
 
 
 def read_lines(path: Path) -> ProblemSet:
-    """The set in a file. Raises ProblemSetError, naming file and line, where it is not as it should be."""
+    """The set in a file. Raises ProblemSetError, naming file and line, where it is not as it should
+    be."""
     try:
         content = path.read_bytes()
         lines = content.decode().splitlines()
@@ -300,7 +301,8 @@ def _together(task: str, problems: Sequence[dict[str, Any]], robot: Robot) -> Ta
 def _goal_poses(
     problems: Sequence[dict[str, Any]], goal: np.ndarray, robot: Robot
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Goal positions (n, 3) and quaternions (n, 4): those that are given, the others from the joints."""
+    """Goal positions (n, 3) and quaternions (n, 4): those that are given, the others from the
+    joints."""
     given = np.array(["goal_position" in problem for problem in problems])
     position = np.zeros((len(problems), 3), np.float32)
     quaternion = np.zeros((len(problems), 4), np.float32)

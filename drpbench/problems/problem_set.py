@@ -1,4 +1,5 @@
-"""A whole problem set as a value: for which arm, what surrounds it, and the problems of each task."""
+"""A whole problem set as a value: for which arm, what surrounds it, and the problems of each
+task."""
 
 from __future__ import annotations
 
@@ -16,10 +17,9 @@ class ProblemSet:
     """Problems by task, in the order that they are run and shown.
 
     Attributes:
-        sha256: checksum of the content. Results of two sets are never compared.
-        arm: name of the arm, see `drpbench.robot.ARMS`.
-        finger_opening: [m] of each finger from the middle.
-        ground: whether the arm stands on a table or floor at z = 0. No sensor sees a point below it.
+        sha256: checksum of the content. Results of two sets are never compared. arm: name of the
+        arm, see `drpbench.robot.ARMS`. finger_opening: [m] of each finger from the middle. ground:
+        whether the arm stands on a table or floor at z = 0. No sensor sees a point below it.
     """
 
     name: str

@@ -18,10 +18,11 @@ class ProblemSetError(DrpbenchError):
 
 @dataclass(frozen=True, eq=False)
 class TaskProblems:
-    """n problems, numbered from 0, for an arm of J joints. Lengths [m], joints [rad], quaternions wxyz.
+    """n problems, numbered from 0, for an arm of J joints. Lengths [m], joints [rad], quaternions
+    wxyz.
 
-    Goal poses are those of the frame `grip`. `level` and `pair` are the task's and the generator's own:
-    0 and "" where there is none.
+    Goal poses are those of the frame `grip`. `level` and `pair` are the task's and the generator's
+    own: 0 and "" where there is none.
     """
 
     task: str
@@ -34,8 +35,8 @@ class TaskProblems:
     pair: Sequence[str]
     level: np.ndarray  # (n,) int32
     witness: Sequence[np.ndarray]
-    """One polyline (m, J) a problem, linear in joint space between its waypoints and free of collision in
-    the static scene; (0, J) where none is known."""
+    """One polyline (m, J) a problem, linear in joint space between its waypoints and free of
+    collision in the static scene; (0, J) where none is known."""
 
     @property
     def count(self) -> int:

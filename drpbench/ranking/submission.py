@@ -1,7 +1,7 @@
 """Whether a result may stand on the leaderboard, and where it would.
 
-The schema catches what contradicts itself within a row's verdict. Here is what needs more: the problems
-themselves, the thresholds of the verdict, the entries there are.
+The schema catches what contradicts itself within a row's verdict. Here is what needs more: the
+problems themselves, the thresholds of the verdict, the entries there are.
 """
 
 from __future__ import annotations
@@ -24,12 +24,14 @@ from drpbench.robot import Robot
 from .board import Cell, Entry, Leaderboard, build
 from .tables import ALL
 
-_ROUNDED = 1e-5  # rows hold six digits, so what is this much (relatively) off a threshold may be on either side
+# Rows hold six digits, so what is this much (relatively) off a threshold may be on either side.
+_ROUNDED = 1e-5
 
 
 @dataclass(frozen=True)
 class Standing:
-    """A policy's place in one task, or in All: one more than the entries with a higher success rate.
+    """A policy's place in one task, or in All: one more than the entries with a higher success
+    rate.
 
     Only whole runs have places: it is None for a partial one, and where no row is valid.
     """
@@ -65,7 +67,8 @@ def set_of(name: str, header: Header, given: ProblemSet | None = None) -> Proble
 
 
 def check(name: str, result: Result, problem_set: ProblemSet | None = None) -> None:
-    """Raises ResultsError, naming file, row and field, where a result contradicts its problems or itself.
+    """Raises ResultsError, naming file, row and field, where a result contradicts its problems or
+    itself.
 
     `problem_set` is the one that it was made on, where that does not come with the package. For the
     schema alone, `drpbench.results.schema.load`.
@@ -125,7 +128,8 @@ def _contradiction(row: Row, robot: Robot) -> str | None:
 
 
 def _within(row: Row, limit: float) -> bool | None:
-    """Whether the final errors are below `limit` [m] and 15 degrees; None where rounding decides."""
+    """Whether the final errors are below `limit` [m] and 15 degrees; None where rounding
+    decides."""
     if row.position_error is None or row.orientation_error is None:
         return None
     shares = (row.position_error / limit, row.orientation_error / REACH_ORIENTATION)
@@ -147,7 +151,8 @@ def assess(
         problem_set: what the leaderboard is of; None for the one that comes with the package.
 
     Raises:
-        ResultsError: a result is wrong (see `check`) or made on another problem set, or they are of several
+        ResultsError: a result is wrong (see `check`) or made on another problem set, or they are of
+        several
             policies.
         LeaderboardError: results do not go together.
     """

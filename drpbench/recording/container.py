@@ -1,7 +1,7 @@
 """The MCAP container (https://mcap.dev/spec): chunks of messages that are there as arrays.
 
-The package `mcap` writes message by message, some 25 microseconds each; here its records frame whole
-chunks, and NumPy makes the messages' headers and indexes.
+The package `mcap` writes message by message, some 25 microseconds each; here its records frame
+whole chunks, and NumPy makes the messages' headers and indexes.
 """
 
 import struct
@@ -58,7 +58,8 @@ class Messages:
 def write(
     file: BinaryIO, groups: Sequence[Messages], metadata: Mapping[str, Mapping[str, str]], span: int
 ) -> None:
-    """Writes a whole MCAP file: messages in the order of time, at the same time in that of `groups`.
+    """Writes a whole MCAP file: messages in the order of time, at the same time in that of
+    `groups`.
 
     `span` is how much time [ns] a chunk covers.
     """

@@ -39,7 +39,8 @@ class Boxes:
         return self.active.shape[1]
 
     def movers(self, instants: np.ndarray | slice) -> Movers:
-        """The same at chosen instants, for the device. Velocities were not recorded, and are zero."""
+        """The same at chosen instants, for the device. Velocities were not recorded, and are
+        zero."""
         fields = {f: jnp.asarray(getattr(self, f)[instants]) for f in _FIELDS}
         return Movers(velocity=jnp.zeros_like(fields["position"]), **fields)
 
@@ -64,7 +65,8 @@ class Recording:
     joint_velocity: np.ndarray  # (T + 1, J) [rad/s], zero at the start
     boxes: Boxes
     sphere: np.ndarray | None = None
-    """(T,) index of the sphere of `moving_spheres` nearest to an obstacle in each control step, where known"""
+    """(T,) index of the sphere of `moving_spheres` nearest to an obstacle in each control step,
+    where known"""
 
     @property
     def task(self) -> str:
@@ -105,9 +107,9 @@ def episode(
 ) -> Recording:
     """The episode of one instance from what was recorded of it.
 
-    `arrays` are those of `drpbench.results.Trajectories`, and `sphere` as in a Trace where it is known. The
-    rest follows from the problem and the run's seed. Raises RecordingError where arrays are missing or
-    not of one number of steps, or begin somewhere else than the problem does.
+    `arrays` are those of `drpbench.results.Trajectories`, and `sphere` as in a Trace where it is
+    known. The rest follows from the problem and the run's seed. Raises RecordingError where arrays
+    are missing or not of one number of steps, or begin somewhere else than the problem does.
     """
     problem = jax.tree.map(lambda leaf: leaf[0, ...], problems.take([id]))
     state, joints_count = _reset(world, seed, problem), world.robot.joints

@@ -21,7 +21,8 @@ class Event:
 
 
 def put_down(episode: Recording) -> np.ndarray:
-    """(N, M) bool: whether a box appears at the instant, or is put elsewhere; at the start, whether it is there."""
+    """(N, M) bool: whether a box appears at the instant, or is put elsewhere; at the start, whether
+    it is there."""
     boxes = episode.boxes
     new = np.array(boxes.active)
     step = np.linalg.norm(np.diff(boxes.position, axis=0), axis=-1)

@@ -1,7 +1,8 @@
 """Many messages of one shape at once: serialised once with blanks, and the blanks filled by NumPy.
 
-Protobuf's own serialising takes some microseconds a message, filling it from Python as many again; an
-episode has thousands. Here the real message says where its numbers stand, so no layout is written by hand.
+Protobuf's own serialising takes some microseconds a message, filling it from Python as many again;
+an episode has thousands. Here the real message says where its numbers stand, so no layout is
+written by hand.
 """
 
 import struct
@@ -34,7 +35,8 @@ def any_points(count: int) -> np.ndarray:
 class Form:
     """A protobuf message with blanks: times, `numbers` doubles and a cloud of `points` points.
 
-    Blanks are ANY_TIME, `any_number(0)` ... and `any_points`. Every time is filled with the same one.
+    Blanks are ANY_TIME, `any_number(0)` ... and `any_points`. Every time is filled with the same
+    one.
     """
 
     def __init__(self, message: Any, numbers: int = 0, points: int = 0):
@@ -82,8 +84,8 @@ class Form:
 
 
 def _varints(values: np.ndarray) -> np.ndarray:
-    """Protobuf's variable-length integers (N, 5) uint8 of values below 2^35, all five bytes long: readers
-    take ones with leading zeros, and so a message's length does not depend on its time."""
+    """Protobuf's variable-length integers (N, 5) uint8 of values below 2^35, all five bytes long:
+    readers take ones with leading zeros, and so a message's length does not depend on its time."""
     parts = (values[:, None] >> np.arange(0, 35, 7)) & 0x7F
     parts[:, :4] |= 0x80
     return parts.astype(np.uint8)

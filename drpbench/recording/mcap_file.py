@@ -45,9 +45,9 @@ def write_mcap(
 ) -> None:
     """Writes the file whole or not at all; one that is there is replaced.
 
-    `about` becomes the file's metadata `drpbench`. `module` is the DCP-RMP over the policy, if any: then
-    its closest point and modified goal are recorded too. Raises RecordingError where the file cannot be
-    written.
+    `about` becomes the file's metadata `drpbench`. `module` is the DCP-RMP over the policy, if any:
+    then its closest point and modified goal are recorded too. Raises RecordingError where the file
+    cannot be written.
     """
     groups = list(_messages(episode, module))
     temporary = path.with_name(TEMPORARY.replace("*", f"{path.stem}.{os.getpid()}"))
@@ -237,7 +237,8 @@ def _named(robot: Robot, arm: str) -> tuple[str, ...]:
 
 
 def _flat(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
-    """Poses (N, _POSE F) as `_transforms` takes them, of positions (N, F, 3) and quaternions (N, F, 4)."""
+    """Poses (N, _POSE F) as `_transforms` takes them, of positions (N, F, 3) and quaternions (N, F,
+    4)."""
     return np.concatenate([positions, quaternions], axis=2).reshape(len(positions), -1)
 
 

@@ -50,7 +50,8 @@ def add_solid(
     quaternion: Numbers,
     color: Color,
 ) -> None:
-    """A box, cylinder or sphere. `half_size` as in `Primitives`: half extents along its own axes."""
+    """A box, cylinder or sphere. `half_size` as in `Primitives`: half extents along its own
+    axes."""
     solids = {"box": to.cubes, "cylinder": to.cylinders, "sphere": to.spheres}[kind]
     solid = solids.add()
     _set_pose(solid.pose, map(float, position), map(float, quaternion))
@@ -94,7 +95,8 @@ def scene(entities: Iterable[SceneEntity], gone: Iterable[str] = (), time: int =
 
 
 def transforms(time: int, frames: Sequence[str], poses: Iterable[float]) -> FrameTransforms:
-    """Poses of frames in the world: of each x, y, z, and the quaternion's w, x, y, z, one after the other."""
+    """Poses of frames in the world: of each x, y, z, and the quaternion's w, x, y, z, one after the
+    other."""
     message, numbers = FrameTransforms(), iter(poses)
     for frame in frames:
         transform = message.transforms.add(parent_frame_id=WORLD, child_frame_id=frame)

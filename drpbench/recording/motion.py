@@ -1,4 +1,5 @@
-"""Where the arm was at each instant of an episode, how near to the obstacles, and what it touched."""
+"""Where the arm was at each instant of an episode, how near to the obstacles, and what it
+touched."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -153,6 +154,7 @@ def _arm_at(robot: Robot, joints: jax.Array) -> tuple[jax.Array, jax.Array]:
 
 
 def arm_at(robot: Robot, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (N, F, 3) [m] and quaternions (N, F, 4) wxyz of the arm's frames at joints (N, J) [rad]."""
+    """Positions (N, F, 3) [m] and quaternions (N, F, 4) wxyz of the arm's frames at joints (N, J)
+    [rad]."""
     position, quaternion = _arm_at(robot, jnp.asarray(joints, jnp.float32))
     return np.asarray(position), np.asarray(quaternion)

@@ -88,7 +88,8 @@ class Canvas:
         self._area = mujoco.MjrRect(0, 0, width, height)
 
     def draw(self, scene: mujoco.MjvScene, caption: str = "") -> tuple[np.ndarray, np.ndarray]:
-        """The picture (height, width, 3) uint8 and its depth (height, width) [m], the first row on top.
+        """The picture (height, width, 3) uint8 and its depth (height, width) [m], the first row on
+        top.
 
         The caption stands in the upper left corner.
         """

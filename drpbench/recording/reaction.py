@@ -21,7 +21,8 @@ from .episode import Recording
 
 
 def dcp_rmp_of(parameters: Mapping[str, object]) -> DcpRmp | None:
-    """The DCP-RMP that goes over a policy, by the parameters in a result's header. None without one.
+    """The DCP-RMP that goes over a policy, by the parameters in a result's header. None without
+    one.
 
     What it goes over is left out: the modified goal does not depend on it.
     """
@@ -36,8 +37,8 @@ def dcp_rmp_of(parameters: Mapping[str, object]) -> DcpRmp | None:
 def reaction(module: DcpRmp, episode: Recording, instants: np.ndarray) -> Reaction:
     """Asks the module again at the instants (N,) given, each with the cloud of the instant before.
 
-    Only where a moving box is within the module's reach: elsewhere the goal stays what it is, and the two
-    points are zero.
+    Only where a moving box is within the module's reach: elsewhere the goal stays what it is, and
+    the two points are zero.
     """
     count = len(instants)
     found = Reaction(

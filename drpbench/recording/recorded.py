@@ -31,7 +31,8 @@ def is_whole(path: Path) -> bool:
 
 
 def read_recording(path: Path) -> Recorded:
-    """Reads all of a recording, with its checksums. Raises RecordingError: one line on what is wrong."""
+    """Reads all of a recording, with its checksums. Raises RecordingError: one line on what is
+    wrong."""
     if not path.is_file():
         raise RecordingError(f"{path}: no such file")
     again = "drpbench replay RESULT --task TASK --id ID makes it anew"

@@ -22,10 +22,11 @@ from .replay import Replayer
 class Recorder:
     """Writes `FDO-00017.mcap` and the like into `folder`; a file that is there is replaced.
 
-    `only` says per task which instances `watch` takes; None takes all. As a context it watches a run, and
-    all files are written when it is left. Where the run went on with one that had been broken off, rows of
-    the file `result` may have none yet, or one of an older run: these episodes are replayed then.
-    `problem_set` is the one that the run is of, where that does not come with the package.
+    `only` says per task which instances `watch` takes; None takes all. As a context it watches a
+    run, and all files are written when it is left. Where the run went on with one that had been
+    broken off, rows of the file `result` may have none yet, or one of an older run: these episodes
+    are replayed then. `problem_set` is the one that the run is of, where that does not come with
+    the package.
     """
 
     def __init__(
@@ -50,7 +51,8 @@ class Recorder:
             self._complete(load_result(self.result), self.result)
 
     def write(self, header: Header, episode: Recording) -> Path:
-        """Writes one episode of a run; returns the file's path. Raises RecordingError where that fails."""
+        """Writes one episode of a run; returns the file's path. Raises RecordingError where that
+        fails."""
         problems = self._problems(header, episode.task)
         about = {
             "task": episode.task,
@@ -92,7 +94,8 @@ class Recorder:
         return self.folder / f"{name}.mcap"
 
     def _complete(self, result: Result, path: Path) -> None:
-        """Writes what is missing of the rows of a finished run, and removes what a crash left half written."""
+        """Writes what is missing of the rows of a finished run, and removes what a crash left half
+        written."""
         begun = datetime.datetime.fromisoformat(result.header.created).timestamp()
         for task in result.header.tasks:
             rows = [row for row in result.rows if row.task == task and self._takes(task, row.id)]

@@ -27,7 +27,8 @@ _SAME_POSITION, _SAME_ORIENTATION = 1e-3, 5e-3  # [m], [rad]
 
 @dataclass(frozen=True)
 class Replay:
-    """An episode of a result, and what is to be said about it: nothing, where it is what the row says."""
+    """An episode of a result, and what is to be said about it: nothing, where it is what the row
+    says."""
 
     row: Row
     episode: Recording
@@ -37,11 +38,11 @@ class Replay:
 class Replayer:
     """Episodes of the result in the file `path`.
 
-    Beside it a file of trajectories is looked for, as `drpbench run --save-trajectories` writes it. What
-    is not in there is run again with the same policy, parameters, seed and batch size. `advanced` is told of
-    control steps done; `problem_set` is what the result was made on, where that does not come with the
-    package. Raises ResultsError where the result is wrong (see `submission.check`), or was made on other
-    problems.
+    Beside it a file of trajectories is looked for, as `drpbench run --save-trajectories` writes it.
+    What is not in there is run again with the same policy, parameters, seed and batch size.
+    `advanced` is told of control steps done; `problem_set` is what the result was made on, where
+    that does not come with the package. Raises ResultsError where the result is wrong (see
+    `submission.check`), or was made on other problems.
     """
 
     def __init__(
@@ -113,7 +114,8 @@ class Replayer:
 
     def _run_again(self, rows: Sequence[Row]) -> dict[int, Replay]:
         header, task = self.result.header, rows[0].task
-        # XLA's rounding depends on the size of the batch and on the processor; elsewhere it differs anyway.
+        # XLA's rounding depends on the size of the batch and on the processor; elsewhere it differs
+        # anyway.
         same = device_name() == header.device
         seen: dict[int, Recording] = {}
 

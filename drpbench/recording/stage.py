@@ -31,8 +31,8 @@ _BACKGROUND = (0.97, 0.975, 0.98)
 class Stage:
     """Draws instants of episodes of one arm, width x height pixels.
 
-    The arm has its real meshes where they are wanted (`real`) and found, else it is drawn as solids. Raises
-    RecordingError where nothing can be drawn.
+    The arm has its real meshes where they are wanted (`real`) and found, else it is drawn as
+    solids. Raises RecordingError where nothing can be drawn.
     """
 
     def __init__(self, width: int, height: int, robot: Robot, real: bool = True):
@@ -77,7 +77,8 @@ class Stage:
     def _ghost_of(self, episode: Recording) -> tuple[np.ndarray, np.ndarray]:
         """The arm at the goal, alone: picture and depth. It stands still, so it is drawn once.
 
-        Laid over the picture it is one even layer; transparent solids would show where they overlap.
+        Laid over the picture it is one even layer; transparent solids would show where they
+        overlap.
         """
         if episode.name not in self._ghosts:
             self._show_arm(np.asarray(episode.problem.goal))

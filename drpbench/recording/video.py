@@ -32,8 +32,8 @@ def film(
     size: tuple[int, int] = SIZE,
     advanced: Callable[[int, int], None] = lambda done, of: None,
 ) -> None:
-    """Writes a video of one episode; the path's suffix, .mp4 or .webp, says of which kind. It is framed in
-    red while the arm touches an obstacle.
+    """Writes a video of one episode; the path's suffix, .mp4 or .webp, says of which kind. It is
+    framed in red while the arm touches an obstacle.
 
     `advanced` is told of frames done. Raises RecordingError where nothing can be drawn or written.
     """
@@ -58,8 +58,9 @@ def film_grid(
     size: tuple[int, int] = GRID_SIZE,
     advanced: Callable[[int, int], None] = lambda done, of: None,
 ) -> None:
-    """Writes one video of many episodes of one arm side by side, row by row. Each is framed: green while it is at
-    its goal, red from its first collision on. `size` is the most it may have in pixels."""
+    """Writes one video of many episodes of one arm side by side, row by row. Each is framed: green
+    while it is at its goal, red from its first collision on. `size` is the most it may have in
+    pixels."""
     columns = math.ceil(math.sqrt(len(episodes)))
     rows = math.ceil(len(episodes) / columns)
     width, height = (n // columns // 8 * 8 for n in size)

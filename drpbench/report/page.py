@@ -1,7 +1,7 @@
 """A report on results: one HTML file that needs nothing else, for reading, not for scoring again.
 
-Its tables stand in the HTML itself; its charts and the list of failures are drawn by a script of ours
-from embedded counts (:mod:`drpbench.report.figures`). Whatever a result file says is escaped,
+Its tables stand in the HTML itself; its charts and the list of failures are drawn by a script of
+ours from embedded counts (:mod:`drpbench.report.figures`). Whatever a result file says is escaped,
 and the page's content security policy allows this one script and no connection.
 """
 
@@ -35,7 +35,8 @@ def write_report(
     folder: str | os.PathLike[str] = "",
     pictures: Mapping[Instance, str] = NONE,
 ) -> None:
-    """Writes the report on results, whole or not at all. It links to recordings that lie beside them.
+    """Writes the report on results, whole or not at all. It links to recordings that lie beside
+    them.
 
     Args:
         path: the HTML file; it is replaced.
@@ -70,7 +71,8 @@ def render(
     recordings: Mapping[str, Kept] = NONE,
     pictures: Mapping[Instance, str] = NONE,
 ) -> str:
-    """The page's HTML; `recordings` by file name, other arguments and errors as those of `write_report`."""
+    """The page's HTML; `recordings` by file name, other arguments and errors as those of
+    `write_report`."""
     board = build(results, expected)
     style, script, template = (_source(f"report.{kind}") for kind in ("css", "js", "html"))
     # Between script tags only `<` has a meaning, and JSON may write it as an escape.
@@ -197,7 +199,8 @@ def _runs(results: Mapping[str, Result]) -> str:
             str(header.seed),
             f"{header.device}, {header.precision}",
             str(header.batch_size),
-            f"{header.created[:16].replace('T', ' ')} UTC, {header.wall_seconds:.0f}\N{NO-BREAK SPACE}s",
+            f"{header.created[:16].replace('T', ' ')} UTC, "
+            f"{header.wall_seconds:.0f}\N{NO-BREAK SPACE}s",
         ]
         parameters = "; ".join(f"{key} {value}" for key, value in header.policy_parameters.items())
         versions = "; ".join(f"{key} {value}" for key, value in header.versions.items())

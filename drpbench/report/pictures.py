@@ -28,7 +28,8 @@ _REFUSED = (RecordingError, ResultsError, PolicyError, WeightsError)
 
 
 def telling(rows: Iterable[Row], count: int) -> list[Row]:
-    """At most `count` failures that differ: one of each task and reason in turn, lowest ids first."""
+    """At most `count` failures that differ: one of each task and reason in turn, lowest ids
+    first."""
     kinds: dict[tuple[str, int], list[Row]] = {}
     for row in sorted(rows, key=lambda row: (row.task, row.id)):
         if row.valid and not row.success and row.status == "ok":

@@ -31,7 +31,8 @@ class Kept:
 
 
 def kept(folder: Path, page: Path) -> Kept:
-    """What lies in a folder of recordings, for a report in the folder `page`; nothing if there is none.
+    """What lies in a folder of recordings, for a report in the folder `page`; nothing if there is
+    none.
 
     MCAP files that were cut short are left out.
     """
@@ -66,8 +67,9 @@ def gallery(
         pictures: `data:` addresses.
 
     Returns:
-        `kinds`; of each file the `folders` of recordings and the `grids` in them; `kept`, pairs of a
-        failure's place and the indices of its kinds; `pictures`, pairs of its place and its picture.
+        `kinds`; of each file the `folders` of recordings and the `grids` in them; `kept`, pairs of
+        a failure's place and the indices of its kinds; `pictures`, pairs of its place and its
+        picture.
     """
     beside = [recordings.get(file, Kept()) for file in files]
     by_file = dict(zip(files, beside, strict=True))

@@ -1,10 +1,10 @@
 """The log of a run in progress: rows are safe as soon as they are appended.
 
-A run that will end as ``x.json`` keeps ``x.json.partial`` meanwhile, one that will end compressed as
-``x.json.gz`` keeps ``x.json.gz.partial``: plain JSON lines, the header first, then one line per row,
-and before each block of rows a line with the seconds spent on it.
-Every block is flushed to the disk before :meth:`Journal.append` returns, so a run killed at any
-moment resumes with every appended row and repeats none.
+A run that will end as ``x.json`` keeps ``x.json.partial`` meanwhile, one that will end compressed
+as ``x.json.gz`` keeps ``x.json.gz.partial``: plain JSON lines, the header first, then one line per
+row, and before each block of rows a line with the seconds spent on it. Every block is flushed to
+the disk before :meth:`Journal.append` returns, so a run killed at any moment resumes with every
+appended row and repeats none.
 """
 
 from __future__ import annotations
@@ -279,7 +279,8 @@ def _require_no_other_form(path: Path) -> None:
             )
         if log_file(form).exists():
             raise ResultsError(
-                f"{log_file(form)}: holds an unfinished run; continue it with --resume --out {form},"
+                f"{log_file(form)}: holds an unfinished run; continue it with --resume --out "
+                f"{form},"
                 " or name another file with --out"
             )
 

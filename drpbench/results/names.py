@@ -1,7 +1,7 @@
 """What a result file is called, and what lies beside it.
 
-A result is `x.json`, or `x.json.gz` where it is compressed. What belongs to it is named after `x`, so
-only one of the two may be there:
+A result is `x.json`, or `x.json.gz` where it is compressed. What belongs to it is named after `x`,
+so only one of the two may be there:
 
     x.json.partial  the log of a run in progress (x.json.gz.partial of one that ends compressed)
     x.trajectories  a folder of the trajectories of a run in progress

@@ -1,4 +1,5 @@
-"""The result file: one JSON per run, plain or compressed, a header and one row per problem instance.
+"""The result file: one JSON per run, plain or compressed, a header and one row per problem
+instance.
 
 Every figure the project publishes is recomputed from rows, so a row holds what was measured and
 nothing aggregated. The models are strict: no unknown field, no NaN or infinity, no string where

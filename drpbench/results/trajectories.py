@@ -27,7 +27,8 @@ class Trajectories:
         FDO-17/mover_half_size  (T, M, 3) float32 [m]; a box of SAO changes when it is put elsewhere
         FDO-17/mover_rotation   (T, M, 3, 3) float32
 
-    Batches are kept in a folder `x.trajectories` until the run ends, so that a resumed run has them all.
+    Batches are kept in a folder `x.trajectories` until the run ends, so that a resumed run has them
+    all.
     """
 
     def __init__(self, out: Path):

@@ -1,4 +1,5 @@
-"""The arm as a value: limits, kinematics, collision spheres, surface points. Each arm has a folder in `arms/`."""
+"""The arm as a value: limits, kinematics, collision spheres, surface points. Each arm has a folder
+in `arms/`."""
 
 from .arms import ARMS as ARMS
 from .arms import PANDA as PANDA

@@ -33,9 +33,11 @@ class Link:
 
 @dataclass(frozen=True)
 class BodyPoints:
-    """Points fixed to the arm, sorted by frame (0 the base, 1 to J the joints' links, J + 1 the hand).
+    """Points fixed to the arm, sorted by frame (0 the base, 1 to J the joints' links, J + 1 the
+    hand).
 
-    `link` indexes the robot's links; `local` is in the frame [m]; `radius` [m], zero for surface points.
+    `link` indexes the robot's links; `local` is in the frame [m]; `radius` [m], zero for surface
+    points.
     """
 
     frame: np.ndarray  # (S,) int
@@ -82,7 +84,8 @@ class BodyPoints:
 
 
 def read_points(path: Path, links: Sequence[Link]) -> BodyPoints:
-    """Points from a JSON file of rows by link's name: x, y, z in the link [m], and a sphere's radius [m]."""
+    """Points from a JSON file of rows by link's name: x, y, z in the link [m], and a sphere's
+    radius [m]."""
     by_link = json.loads(path.read_text())
     frame: list[int] = []
     link: list[int] = []

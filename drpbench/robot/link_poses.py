@@ -50,9 +50,9 @@ def directional_jacobian(
 ) -> Float[Array, "N J"]:
     """How fast each world point p moves along its direction n with each joint [m/rad].
 
-    The point is fixed in `frame` (0 to J + 1) and seen from the frame `above`: only the joints between the
-    two count. This is n . `point_jacobian`, as n . (z x (p - o)) = z . (p x n) - n . (z x o): one cross
-    product a point and one a joint.
+    The point is fixed in `frame` (0 to J + 1) and seen from the frame `above`: only the joints
+    between the two count. This is n . `point_jacobian`, as n . (z x (p - o)) = z . (p x n) - n . (z
+    x o): one cross product a point and one a joint.
     """
     axes, origins = poses.axes, poses.origins
     turn = jnp.einsum("kx,jx->kj", jnp.cross(points, directions), axes, precision="highest")

@@ -1,7 +1,7 @@
 """An arm as a value: its joints, limits, frames, collision spheres and surface.
 
-A serial chain of revolute joints with a rigid hand at its end. Everything that depends on the arm takes a
-`Robot`; it is hashable, so it is a static argument under `jax.jit`.
+A serial chain of revolute joints with a rigid hand at its end. Everything that depends on the arm
+takes a `Robot`; it is hashable, so it is a static argument under `jax.jit`.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,8 @@ from .link_poses import LinkPoses, point_jacobian
 from .solids import Solid, balls
 
 method_compiled_once = partial(jax.jit, static_argnums=0, inline=True)
-"""For methods of a `Robot`: a loop outside jit compiles them once, and inside jit they leave no trace."""
+"""For methods of a `Robot`: a loop outside jit compiles them once, and inside jit they leave no
+trace."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,10 @@ class RealMeshes:
 class Robot:
     """An arm of J revolute joints. SI units; arrays are one number a joint.
 
-    Frames: 0 the base, 1 to J each behind its joint, J + 1 the hand. Joint i's frame is its parent's,
-    moved by `joint_offset` [m], turned by `joint_twist` [rad] about x, and turned by the joint about z
-    (modified Denavit and Hartenberg's parameters, Craig 1986, with the offset in the parent's axes).
+    Frames: 0 the base, 1 to J each behind its joint, J + 1 the hand. Joint i's frame is its
+    parent's, moved by `joint_offset` [m], turned by `joint_twist` [rad] about x, and turned by the
+    joint about z (modified Denavit and Hartenberg's parameters, Craig 1986, with the offset in the
+    parent's axes).
     """
 
     name: str
@@ -67,15 +69,16 @@ class Robot:
     home_spread: np.ndarray  # (J,) [rad]
     """How far about `home` postures are drawn, as seeds of inverse kinematics."""
     generation_spread: np.ndarray  # (J,) [rad]
-    """The same for the host's, which draws numbered problems: another value makes other problems."""
+    """The same for the host's, which draws numbered problems: another value makes other problems.
+    """
     lever: np.ndarray  # (J,) [m]
-    """Largest distance of any point that a joint moves from its axis: turning by d moves none farther than
-    lever * |d|."""
+    """Largest distance of any point that a joint moves from its axis: turning by d moves none
+    farther than lever * |d|."""
     servo_lag: float
     """[s] kd / kp of the servos: a target this far ahead makes the arm move at the speed meant."""
     self_collision_blocks: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
-    """Frames that can touch: every one of a first group against every one of its second. The first block
-    is the one that planners keep room in."""
+    """Frames that can touch: every one of a first group against every one of its second. The first
+    block is the one that planners keep room in."""
     forearm: int
     """The first frame beyond the elbow: from there on the arm feels its way."""
     base_radius: float
@@ -208,7 +211,8 @@ class Robot:
 
     @method_compiled_once
     def self_clearance(self, poses: LinkPoses) -> Float[Array, ""]:
-        """Smallest distance [m] between spheres of two links that can touch; negative in self-collision."""
+        """Smallest distance [m] between spheres of two links that can touch; negative in
+        self-collision."""
         model = self.spheres
         points = model.world(poses)
         clearance = jnp.float32(1.0e6)
@@ -230,7 +234,8 @@ class Robot:
 
 
 def _twists(angles: np.ndarray, dtype) -> tuple[Array, ...]:
-    """What `_twisted` needs of each joint: quarter turns as -1, 0 or 1; other angles as cosine and sine."""
+    """What `_twisted` needs of each joint: quarter turns as -1, 0 or 1; other angles as cosine and
+    sine."""
     quarters = np.round(angles / (0.5 * np.pi))
     if np.allclose(angles, quarters * 0.5 * np.pi, atol=1e-9) and np.abs(quarters).max() <= 1:
         return (jnp.asarray(quarters, dtype),)
@@ -238,7 +243,8 @@ def _twists(angles: np.ndarray, dtype) -> tuple[Array, ...]:
 
 
 def _twisted(y, z, twist: tuple[Array, ...]):
-    """The axes y and z turned about x. Quarter turns take no sum, so nothing of them can be rounded."""
+    """The axes y and z turned about x. Quarter turns take no sum, so nothing of them can be
+    rounded."""
     if len(twist) == 1:
         (turn,) = twist
         return jnp.where(turn == 0, y, turn * z), jnp.where(turn == 0, z, -turn * y)
@@ -255,8 +261,8 @@ def _combined(origin, coefficients: np.ndarray, axes):
 
 
 def _turned(column: np.ndarray, axes):
-    """sum of column times axes: its largest entry times a sum of ratios, so that turns by multiples of 45
-    degrees are rounded once."""
+    """sum of column times axes: its largest entry times a sum of ratios, so that turns by multiples
+    of 45 degrees are rounded once."""
     largest = float(np.abs(column).max())
     total = None
     for entry, axis in zip(column.tolist(), axes, strict=True):

@@ -1,4 +1,5 @@
-"""How an arm is drawn where its meshes are not at hand: a handful of solids. No part of the collision model."""
+"""How an arm is drawn where its meshes are not at hand: a handful of solids. No part of the
+collision model."""
 
 from dataclasses import dataclass
 

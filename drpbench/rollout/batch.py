@@ -19,7 +19,8 @@ from .rehearsal import in_passes
 from .step import Record
 
 LANES = 64
-"""Smallest compiled batch. XLA's rounding depends on shapes, so smaller batches are padded to it."""
+"""Smallest compiled batch. XLA's rounding depends on shapes, so smaller batches are padded to it.
+"""
 CHUNK = 100  # control steps a call
 
 
@@ -29,7 +30,8 @@ def silent(steps: int) -> None:
 
 @dataclass(frozen=True)
 class Trace:
-    """What an episode's metrics are made of: T control steps, B problems, an arm of J joints, M moving boxes."""
+    """What an episode's metrics are made of: T control steps, B problems, an arm of J joints, M
+    moving boxes."""
 
     world: World
     """Where it happened."""
@@ -62,8 +64,8 @@ class Rollout:
     """A policy, in JAX or outside it, in a world: batches of one compiled size.
 
     Rollouts share their compiled programs where their worlds are equal and their policies differ in
-    parameters only. A policy outside jit sees the real instances alone. Where it fails, its arms stop where
-    they are, the episode goes on without it, and the trace says why in `failure`.
+    parameters only. A policy outside jit sees the real instances alone. Where it fails, its arms
+    stop where they are, the episode goes on without it, and the trace says why in `failure`.
     """
 
     def __init__(self, world: World, policy: Policy | Hosted, seed: int = 0, lanes: int = LANES):
@@ -106,7 +108,8 @@ class Rollout:
 def device_pass(
     world: World, policy: Policy, seed: int, state: State, carry: Any, advanced: Advanced
 ) -> tuple[Record, State]:
-    """Every step of an episode from its first state: the records, time first, and the last state."""
+    """Every step of an episode from its first state: the records, time first, and the last
+    state."""
     chunks, steps = [], world.episode.steps
     for first in range(0, steps, CHUNK):
         clocks = jnp.arange(first, min(first + CHUNK, steps), dtype=jnp.int32)

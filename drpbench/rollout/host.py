@@ -22,7 +22,8 @@ _TOLD = 20  # control steps between two signs of progress
 
 
 class Answers:
-    """What a host policy answers in one run of `count` instances. Once it has failed it is not asked again."""
+    """What a host policy answers in one run of `count` instances. Once it has failed it is not
+    asked again."""
 
     def __init__(self, policy: Hosted, count: int):
         self.policy, self.count = policy, count
@@ -34,8 +35,8 @@ class Answers:
         self._ask(self.policy.reset, observation)
 
     def act(self, observation: Observation, joints: int) -> np.ndarray:
-        """Targets for every lane [rad], the instances again and again. Where there is none it is not a
-        number, which the world counts as failed."""
+        """Targets for every lane [rad], the instances again and again. Where there is none it is
+        not a number, which the world counts as failed."""
         lanes = len(observation.joint_position)
         targets = self._ask(self.policy.act, observation)
         if targets is None:

@@ -1,4 +1,5 @@
-"""The random streams of an instance: they depend on nothing but the seed, the task and the number."""
+"""The random streams of an instance: they depend on nothing but the seed, the task and the
+number."""
 
 import zlib
 

@@ -1,7 +1,8 @@
-"""An episode in its passes: where the task has a rehearsal (SAO), that comes before the one that counts.
+"""An episode in its passes: where the task has a rehearsal (SAO), that comes before the one that
+counts.
 
-The rehearsal records where the policy takes `grip`; the pass that counts begins from the same state, but
-for what the task makes of that path.
+The rehearsal records where the policy takes `grip`; the pass that counts begins from the same
+state, but for what the task makes of that path.
 """
 
 from collections.abc import Callable
@@ -25,8 +26,8 @@ def passes(task: Task) -> int:
 def second_pass(world: World, first: State, path: jax.Array | np.ndarray) -> State:
     """The state in which the pass that counts begins; `first` is the rehearsal's first.
 
-    `path` (T, *worlds, 3) [m] is where `grip` was after each step of the rehearsal, of one world or of a
-    batch of them.
+    `path` (T, *worlds, 3) [m] is where `grip` was after each step of the rehearsal, of one world or
+    of a batch of them.
     """
     path = jnp.asarray(path)
     prepare = cast(RehearsedTask, world.task).second_pass
@@ -38,7 +39,8 @@ def second_pass(world: World, first: State, path: jax.Array | np.ndarray) -> Sta
 def in_passes(
     world: World, first: State, play: Callable[[State], tuple[Record, State]]
 ) -> tuple[Record, State]:
-    """Plays every pass from its first state; the records of the one that counts, and its last state.
+    """Plays every pass from its first state; the records of the one that counts, and its last
+    state.
 
     `play` gives the records of all steps, time first, and the last state.
     """
@@ -69,7 +71,8 @@ class Rehearsal:
             self._path = []
 
     def end(self) -> State:
-        """Ends the rehearsal: the state in which the pass that counts begins, from now on `first`."""
+        """Ends the rehearsal: the state in which the pass that counts begins, from now on
+        `first`."""
         path = np.stack([np.asarray(place) for place in self._path])
         self.on, self.first = False, second_pass(self._world, self.first, path)
         return self.first

@@ -1,9 +1,9 @@
 """One control step of one world: the policy acts, the world follows, and a record is kept.
 
 Whatever runs an episode is made of these pure functions, vmapped over worlds or not: the batch
-(`batch.py`), policies outside jit (`host.py`), `drpbench.gym` and `drpbench.viewer`. `world` and `seed` are
-static. The corrections of `drpbench.learning` share none of it: they have no dynamics and no moving
-boxes, and their point clouds and keys come from the demonstrations' own streams.
+(`batch.py`), policies outside jit (`host.py`), `drpbench.gym` and `drpbench.viewer`. `world` and
+`seed` are static. The corrections of `drpbench.learning` share none of it: they have no dynamics
+and no moving boxes, and their point clouds and keys come from the demonstrations' own streams.
 """
 
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ from .keys import POLICY, WORLD, instance_key
 class Record:
     """What is kept of a world after a control step, M moving boxes in it.
 
-    In the order of the alphabet: XLA rounds as the order of a program's results will have it, and shipped
-    rows are of this one.
+    In the order of the alphabet: XLA rounds as the order of a program's results will have it, and
+    shipped rows are of this one.
     """
 
     clearance: Float[Array, "*batch"]

@@ -1,4 +1,5 @@
-"""The three-dimensional picture of a simulation, as nodes of a viser scene that all browsers share."""
+"""The three-dimensional picture of a simulation, as nodes of a viser scene that all browsers
+share."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -150,7 +151,8 @@ class Drawing:
     ) -> tuple[
         list[viser.FrameHandle], dict[tuple[int, tuple[float, float, float]], viser.MeshHandle]
     ]:
-        """Frames of the links, with their meshes; those of a ghost are of one colour, and see-through."""
+        """Frames of the links, with their meshes; those of a ghost are of one colour, and
+        see-through."""
         ghost = opacity < 1.0
         frames = [
             self._scene.add_frame(f"{name}/{i}", show_axes=False, visible=not ghost)
@@ -199,7 +201,8 @@ class Drawing:
         self.put_handle(moment)
 
     def _draggable(self, what: str, index: int, handle: viser.MeshHandle, placed: Any) -> None:
-        """Dragging `handle` is told of as moving `placed`, the node whose position is the thing's."""
+        """Dragging `handle` is told of as moving `placed`, the node whose position is the
+        thing's."""
         grip = np.zeros(3)
 
         # As a coroutine, because viser calls functions out of order.
@@ -219,7 +222,8 @@ class Drawing:
     # -- moments --
 
     def show(self, moment: Moment, furniture: Furniture, touching: str | None) -> None:
-        """Draws the world as it is now; `touching` is the link that touched in the last control step."""
+        """Draws the world as it is now; `touching` is the link that touched in the last control
+        step."""
         with self._server.atomic():
             self._show_arm(moment, touching)
             for k, handle in self._pieces.items():

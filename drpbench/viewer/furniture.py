@@ -1,4 +1,5 @@
-"""The static scene of a problem with pieces that can be moved, boxes that can be added, and its points."""
+"""The static scene of a problem with pieces that can be moved, boxes that can be added, and its
+points."""
 
 from dataclasses import replace
 
@@ -15,7 +16,8 @@ from drpbench.perception.surface_cloud import on_box
 SPARE = 3
 """Boxes that can be added to a scene; the compiled world has room for so many."""
 SHARE = 1 / 6
-"""Of the static scene's points, what an added box takes: it is seen about as densely as a task's own boxes."""
+"""Of the static scene's points, what an added box takes: it is seen about as densely as a task's
+own boxes."""
 _TABLE = 1e-3  # [m] what does not rise above it is the ground things stand on
 
 
@@ -29,7 +31,8 @@ _sampled = jit(sample_surface, static_argnums=2)
 
 
 class Furniture:
-    """The pieces of a scene, K with the spare ones last. A piece keeps its points wherever it is put."""
+    """The pieces of a scene, K with the spare ones last. A piece keeps its points wherever it is
+    put."""
 
     def __init__(self, state: State, key: jax.Array):
         """`state` is what `World.reset` made of a problem `with_room` and `key`."""
@@ -73,8 +76,8 @@ class Furniture:
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """The static scene's points (N, 3) [m] where the pieces are, and which are seen (N,).
 
-        Those of a piece move with it. Added boxes take their SHARE of the others, and give them back. What is
-        below z = 0 is not seen.
+        Those of a piece move with it. Added boxes take their SHARE of the others, and give them
+        back. What is below z = 0 is not seen.
         """
         shift = (self.position - self._born)[self._piece]
         points, seen = self._points + shift, self._seen.copy()
@@ -112,7 +115,8 @@ class Furniture:
 def piece_of_points(key: jax.Array, obstacles: Primitives, count: int) -> np.ndarray:
     """The piece (N,) that each static scene point of a world lies on; `key` is the world's.
 
-    `World.reset` and `sample_static` draw twice as many points, and keep the first of them above ground.
+    `World.reset` and `sample_static` draw twice as many points, and keep the first of them above
+    ground.
     """
     points, piece = _sampled(jax.random.split(key, 3)[1], obstacles, 2 * count)
     below = np.asarray(points)[:, 2] < -1e-6

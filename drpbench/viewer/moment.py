@@ -22,7 +22,8 @@ from drpbench.policies import DcpRmp, Reaction
 from drpbench.robot import Robot
 
 Frames = tuple[np.ndarray, np.ndarray]
-"""Positions (F, 3) [m] and quaternions (F, 4) wxyz of the arm's frames, the base first and the hand last."""
+"""Positions (F, 3) [m] and quaternions (F, 4) wxyz of the arm's frames, the base first and the hand
+last."""
 
 
 @jax.tree_util.register_dataclass
@@ -57,7 +58,8 @@ class Moment:
         return bool(reached(self.position_error, self.orientation_error))
 
     def points_of(self, box: int | None) -> tuple[np.ndarray, np.ndarray]:
-        """The points (P, 3) on one of the task's boxes, or on the static scene, and which are seen (P,)."""
+        """The points (P, 3) on one of the task's boxes, or on the static scene, and which are seen
+        (P,)."""
         static, each = shares(len(self.box_active))
         part = (
             slice(static) if box is None else slice(static + box * each, static + (box + 1) * each)
@@ -66,7 +68,8 @@ class Moment:
 
 
 def moment(world: World, policy: Policy, state: State, carry: Any) -> Moment:
-    """What there is to see of a world, for `jit`; `carry` is what the policy would be given next."""
+    """What there is to see of a world, for `jit`; `carry` is what the policy would be given
+    next."""
     observation = world.observe(state)
     robot, obstacles, problem = world.robot, world.obstacles(state), state.problem
     model, poses = robot.moving_spheres, robot.link_poses(state.joint_position)

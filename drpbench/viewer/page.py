@@ -175,7 +175,8 @@ class Page:
             time.sleep(max(0.001, self._episode.period / 2 - (time.monotonic() - began)))
 
     def _play(self, now: float, passed: float) -> None:
-        """The control steps that are due, as far as there is time for them; a rehearsal as fast as can be."""
+        """The control steps that are due, as far as there is time for them; a rehearsal as fast as
+        can be."""
         due = self._owed + passed * self._speed / self._episode.period
         if self._simulation.rehearsing:
             due = self._episode.steps

@@ -78,7 +78,8 @@ class Panel:
     def say(
         self, simulation: Simulation, moment: Moment, playing: bool, pace: float, note: str
     ) -> None:
-        """The state of things. `pace` is how fast time goes, 1 in real time; `note` one line more."""
+        """The state of things. `pace` is how fast time goes, 1 in real time; `note` one line
+        more."""
         if playing != self._playing:
             self._playing = playing
             self._play.label = "Pause" if playing else "Play"

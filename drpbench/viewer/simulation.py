@@ -1,7 +1,7 @@
 """One world as it goes on: a policy in a task, with things moved in between. Knows of no page.
 
-Untouched, an episode here is the one that `drpbench run` judges: the same functions, keys and order, in a
-program of batch 1 (which may round differently in the seventh digit).
+Untouched, an episode here is the one that `drpbench run` judges: the same functions, keys and
+order, in a program of batch 1 (which may round differently in the seventh digit).
 """
 
 import math
@@ -32,8 +32,9 @@ from .furniture import Furniture, with_room
 from .moment import Moment, moment
 
 FOLLOW_SPEED = 1.0
-"""[m/s] at which what is dragged follows, while the world runs. A jump into the arm is no test of it: at this
-speed a point moves less in a control step than DCP-RMP takes for a point that has just appeared."""
+"""[m/s] at which what is dragged follows, while the world runs. A jump into the arm is no test of
+it: at this speed a point moves less in a control step than DCP-RMP takes for a point that has just
+appeared."""
 _BOX = (0.06, 0.06, 0.06)  # [m] half extents of an added box
 _BOX_PLACES = np.array(
     [(0.45, 0.45, 0.3), (0.45, -0.45, 0.3), (0.65, 0.0, 0.75), (0.3, 0.5, 0.7), (0.3, -0.5, 0.7)]
@@ -83,7 +84,8 @@ class Simulation:
         self.open(id)
 
     def reset(self) -> None:
-        """The same problem from its start, as it was; a rehearsal that is done is not done again."""
+        """The same problem from its start, as it was; a rehearsal that is done is not done
+        again."""
         self._rehearsal.restart()
         self._begin()
 
@@ -115,7 +117,8 @@ class Simulation:
     # -- the course of time --
 
     def step(self) -> None:
-        """One control step, 1/60 s; what is being dragged follows. A rehearsal ends in a new beginning."""
+        """One control step, 1/60 s; what is being dragged follows. A rehearsal ends in a new
+        beginning."""
         world, robot, clock = self.world, self.world.robot, np.int32(self.clock)
         if self._answers:
             shown, self._carry = _show(
@@ -151,8 +154,9 @@ class Simulation:
     def move(
         self, what: str, index: int, position: np.ndarray, hold: bool = False, at_once: bool = True
     ) -> None:
-        """Puts a "piece" of the furniture, or a "box" of the task's own, at a position [m]; or lets it follow
-        with time. A box that drifts is held there while `hold`, and drifts on from there."""
+        """Puts a "piece" of the furniture, or a "box" of the task's own, at a position [m]; or lets
+        it follow with time. A box that drifts is held there while `hold`, and drifts on from there.
+        """
         if self.rehearsing or not self._movable(what)[index]:
             return
         self._wanted[what, index] = (np.asarray(position, np.float32), hold)
@@ -182,7 +186,8 @@ class Simulation:
         self._state = self.furniture.put_into(replace(self._state, movers=movers))
 
     def add_box(self) -> int | None:
-        """An upright cube more, of 12 cm, away from the arm and its goal: its piece, or None where there are enough."""
+        """An upright cube more, of 12 cm, away from the arm and its goal: its piece, or None where
+        there are enough."""
         if self.rehearsing:
             return None
         there = self.furniture.position[self.furniture.added][

@@ -9,7 +9,8 @@ from drpbench.geometry import BOX, CYLINDER, SHAPES, SPHERE
 from drpbench.robot import Robot
 
 Mesh = tuple[np.ndarray, np.ndarray]
-"""Vertices (V, 3) [m] and triangles (F, 3), outsides counter-clockwise. Sharp edges have their vertices twice."""
+"""Vertices (V, 3) [m] and triangles (F, 3), outsides counter-clockwise. Sharp edges have their
+vertices twice."""
 _ROUND = 28  # corners of a circle
 
 
@@ -22,7 +23,8 @@ def solid(kind: int, half_size: Sequence[float] | np.ndarray) -> Mesh:
 @cache
 def _cube() -> Mesh:
     square = np.array([(-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)], float)
-    # The top face, turned to each side: cyclic changes of the axes, and half turns about one of them.
+    # The top face, turned to each side: cyclic changes of the axes, and half turns about one of
+    # them.
     turned = [
         np.roll(square * flip, k, axis=1) for flip in ((1, 1, 1), (1, -1, -1)) for k in range(3)
     ]
@@ -82,7 +84,8 @@ def joined(meshes: list[Mesh]) -> Mesh:
 
 @cache
 def links(robot: Robot) -> dict[tuple[int, tuple[float, float, float]], Mesh]:
-    """The arm's solids in their frames, 0 the base and the last one the hand: one mesh a frame and colour."""
+    """The arm's solids in their frames, 0 the base and the last one the hand: one mesh a frame and
+    colour."""
     parts: dict[tuple[int, tuple[float, float, float]], list[Mesh]] = {}
     for piece in robot.solids:
         vertices, faces = solid(SHAPES.index(piece.kind), piece.half_size)

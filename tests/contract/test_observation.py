@@ -1,4 +1,5 @@
-"""One list of an observation's fields: whoever shows, checks or describes observations follows it."""
+"""One list of an observation's fields: whoever shows, checks or describes observations follows
+it."""
 
 import ast
 import threading

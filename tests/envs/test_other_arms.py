@@ -46,8 +46,8 @@ def problems(robot):
 
 
 def episodes(world, policies):
-    """Every policy in both scenes, all arms in one program: last joints (policy, scene, 4) and events by
-    name (steps, policy, scene, ...)."""
+    """Every policy in both scenes, all arms in one program: last joints (policy, scene, 4) and
+    events by name (steps, policy, scene, ...)."""
 
     def run(problems):
         def ask(seen, carries, clock):

@@ -24,7 +24,8 @@ from drpbench.robot.arms import arm
 
 
 def write(path, **changes):
-    """A set of two problems: the arm is at its goal, once in the open and once inside an obstacle."""
+    """A set of two problems: the arm is at its goal, once in the open and once inside an
+    obstacle."""
     home = PANDA.home.round(4).tolist()
     header = {"format": FORMAT, "name": "mine", "tasks": ["SE"]} | changes
     ball = {"shape": "sphere", "radius": 0.1, "position": [0.31, 0.0, 0.5]}

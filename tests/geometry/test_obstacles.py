@@ -1,4 +1,5 @@
-"""Scenes as arrays: padded, joined, picked from a batch, and turned into the device's primitives."""
+"""Scenes as arrays: padded, joined, picked from a batch, and turned into the device's
+primitives."""
 
 import jax
 import jax.numpy as jnp

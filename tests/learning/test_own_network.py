@@ -1,4 +1,5 @@
-"""The network of docs/training.md, trained, resumed, validated and run by the commands that the page shows."""
+"""The network of docs/training.md, trained, resumed, validated and run by the commands that the
+page shows."""
 
 import csv
 import re

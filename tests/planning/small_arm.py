@@ -1,4 +1,5 @@
-"""An arm of four joints, made for the tests: a turning base and three joints that bend in its plane."""
+"""An arm of four joints, made for the tests: a turning base and three joints that bend in its
+plane."""
 
 import json
 from pathlib import Path

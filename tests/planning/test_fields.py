@@ -1,4 +1,5 @@
-"""Planning asks a distance field, not the primitives: another kind of field leads the arm as well."""
+"""Planning asks a distance field, not the primitives: another kind of field leads the arm as
+well."""
 
 import jax
 import jax.numpy as jnp

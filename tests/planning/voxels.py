@@ -13,7 +13,8 @@ from drpbench.geometry import signed_distance
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Voxels:
-    """`values` (X, Y, Z) [m] at the corners `low` + `spacing` (i, j, k) [m]. Beyond the grid, its nearest."""
+    """`values` (X, Y, Z) [m] at the corners `low` + `spacing` (i, j, k) [m]. Beyond the grid, its
+    nearest."""
 
     values: jax.Array
     low: jax.Array

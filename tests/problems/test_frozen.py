@@ -188,7 +188,8 @@ def test_loading_a_set_starts_no_simulator_and_no_device():
     code = (
         "import sys, drpbench.problems as p; p.load_set();"
         "from jax._src import xla_bridge;"
-        "print([m for m in ('mujoco', 'mink') if m in sys.modules], xla_bridge.backends_are_initialized())"
+        "print([m for m in ('mujoco', 'mink') if m in sys.modules], "
+        "xla_bridge.backends_are_initialized())"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "[] False"

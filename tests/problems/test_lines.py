@@ -1,4 +1,5 @@
-"""Problem sets as JSON lines: what is written is read back, and what is wrong is named with its line."""
+"""Problem sets as JSON lines: what is written is read back, and what is wrong is named with its
+line."""
 
 import json
 

@@ -1,9 +1,9 @@
 """Golden traces: what `rmp` and `drp` did in the first 16 problems of each task, as digests.
 
 `python -m tests.rollout.golden RESULT.npz POLICY` notes the trajectories of a run with
---save-trajectories. With `--check` it compares instead. Rounding differs from processor to processor
-and from one jaxlib to the next, so digests are kept for each of them. They may change only where
-rounding is meant to change.
+--save-trajectories. With `--check` it compares instead. Rounding differs from processor to
+processor and from one jaxlib to the next, so digests are kept for each of them. They may change
+only where rounding is meant to change.
 """
 
 import argparse

@@ -26,7 +26,8 @@ _FIRST, _EVERY, _STRIDE, _REMOVED = 30, 200, 5, 100  # control steps at 60 Hz
 class _Memory:
     key: Key[Array, "*batch"]
     path: Float[Array, "*batch poses 3"]
-    """Positions of grip [m] after every `stride`th control step of the first pass, the first one's first."""
+    """Positions of grip [m] after every `stride`th control step of the first pass, the first one's
+    first."""
     known: Bool[Array, "*batch"]
     """Whether the first pass has been; without a path nothing appears."""
     stride: int = field(metadata={"static": True})
@@ -50,7 +51,8 @@ class Appearing:
         return no_movers(1), _Memory(key, path, jnp.bool_(False), stride)
 
     def second_pass(self, memory: _Memory, path: Float[Array, "steps 3"]) -> _Memory:
-        """The memory to start the second pass with: `path` is grip's [m] after each step of the first."""
+        """The memory to start the second pass with: `path` is grip's [m] after each step of the
+        first."""
         return replace(memory, path=path[:: memory.stride], known=jnp.bool_(True))
 
     def advance(
@@ -66,7 +68,8 @@ class Appearing:
         removed = episode.steps - episode.lasting(_REMOVED)
 
         def place(movers: Movers) -> Movers:
-            # Level 1 (bare table): edges 0.05 to 0.3 m, 0.2 m of room; levels 2, 3: 0.1 to 0.2 m, 0.1 m.
+            # Level 1 (bare table): edges 0.05 to 0.3 m, 0.2 m of room; levels 2, 3: 0.1 to 0.2 m,
+            # 0.1 m.
             wide = problem.level == 1
             size_key, rotation_key = jax.random.split(jax.random.fold_in(memory.key, clock))
             half_size = jax.random.uniform(size_key, (3,))

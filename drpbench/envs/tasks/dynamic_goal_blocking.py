@@ -1,9 +1,10 @@
 """DGB, dynamic goal blocking: the arm is at its goal, and boxes come for it.
 
-The start is the goal configuration: the arm has to give way and come back. Birth: in the upper half of
-a shell of 0.5 to 0.6 m about the goal, at x >= 0.15 m, clear of the arm by 1 cm; one box, three on
-level 2. Motion: as in FDO, headed for the goal but for N(0, 0.01); a box turns back 1.0 m from the
-goal, at x = 0.15 m, and before the base up to 0.6 m of height. Removal: 300 steps before the end.
+The start is the goal configuration: the arm has to give way and come back. Birth: in the upper half
+of a shell of 0.5 to 0.6 m about the goal, at x >= 0.15 m, clear of the arm by 1 cm; one box, three
+on level 2. Motion: as in FDO, headed for the goal but for N(0, 0.01); a box turns back 1.0 m from
+the goal, at x = 0.15 m, and before the base up to 0.6 m of height. Removal: 300 steps before the
+end.
 """
 
 from dataclasses import dataclass, replace

@@ -1,9 +1,9 @@
 """FDO, floating dynamic obstacles: three boxes drift through the workspace.
 
-Birth: in the upper half of a shell of 0.8 to 1.0 m about (0.15, 0, 0.5), at x >= 0.1 m, clear of the
-arm by 1 cm. Motion: straight, 1 to 3 mm a control step (0.06 to 0.18 m/s), headed for the shell's
-centre but for a deviation of N(0, 0.2) on each axis; a box turns back 1.2 m from the centre, at
-x = 0.1 m, and before the base. Removal: 300 control steps before the end.
+Birth: in the upper half of a shell of 0.8 to 1.0 m about (0.15, 0, 0.5), at x >= 0.1 m, clear of
+the arm by 1 cm. Motion: straight, 1 to 3 mm a control step (0.06 to 0.18 m/s), headed for the
+shell's centre but for a deviation of N(0, 0.2) on each axis; a box turns back 1.2 m from the
+centre, at x = 0.1 m, and before the base. Removal: 300 control steps before the end.
 """
 
 from dataclasses import dataclass, replace

@@ -1,8 +1,9 @@
 """GB, goal blocking: a box stands on the goal until shortly before the end.
 
 Once `grip` is within 0.5 m of the goal, a box with edges of 0.2 to 0.4 m and any orientation is put
-on the goal, clear of the arm by 1 cm: one draw a control step, 100 at most. It is removed 200 control
-steps before the end. An episode in which it was never placed is not an instance of the task.
+on the goal, clear of the arm by 1 cm: one draw a control step, 100 at most. It is removed 200
+control steps before the end. An episode in which it was never placed is not an instance of the
+task.
 """
 
 from dataclasses import dataclass, replace

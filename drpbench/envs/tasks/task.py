@@ -15,9 +15,9 @@ class Task(Protocol):
     """A task, as pure functions for one world. `memory` is whatever pytree the task needs.
 
     The control step `clock` is one number for all worlds of a batch, and no part of their state: an
-    event at a fixed time then stays a branch under `vmap`, and costs nothing in other steps. Times that
-    the tasks' descriptions give in control steps, and speeds a control step, are those at 60 Hz; at
-    another rate they last as long and are as fast (`Episode.lasting`, `Episode.pace`).
+    event at a fixed time then stays a branch under `vmap`, and costs nothing in other steps. Times
+    that the tasks' descriptions give in control steps, and speeds a control step, are those at 60
+    Hz; at another rate they last as long and are as fast (`Episode.lasting`, `Episode.pace`).
     """
 
     @property
@@ -43,7 +43,8 @@ class Task(Protocol):
 
     @property
     def rehearsed(self) -> bool:
-        """Whether a first pass records the policy's path, and `second_pass` starts the one that counts."""
+        """Whether a first pass records the policy's path, and `second_pass` starts the one that
+        counts."""
         ...
 
     def reset(
@@ -71,8 +72,8 @@ class Task(Protocol):
     def training_level(
         self, number: Int[np.ndarray, " n"], furnished: Bool[np.ndarray, " n"]
     ) -> Int[np.ndarray, " n"]:
-        """The levels of problems to learn from, by their numbers and by whether more than the bare table
-        stands in their scenes. A level sets how many boxes move and how large they are."""
+        """The levels of problems to learn from, by their numbers and by whether more than the bare
+        table stands in their scenes. A level sets how many boxes move and how large they are."""
         ...
 
 
@@ -81,6 +82,6 @@ class RehearsedTask(Task, Protocol):
     """A task whose episodes have two passes."""
 
     def second_pass(self, memory: Any, path: Float[Array, "steps 3"]) -> Any:
-        """The memory to start the second pass with: `path` is where grip was [m] after each step of the
-        first."""
+        """The memory to start the second pass with: `path` is where grip was [m] after each step of
+        the first."""
         ...

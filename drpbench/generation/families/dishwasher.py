@@ -9,7 +9,8 @@ from drpbench.generation.families import placement
 
 
 def build(rng: np.random.Generator, items: int = 8) -> scene.Furniture:
-    """The machine (smaller than a kitchen's, as it shares the arm's table), door down to the front."""
+    """The machine (smaller than a kitchen's, as it shares the arm's table), door down to the
+    front."""
     width, depth, height = rng.uniform(0.46, 0.56), rng.uniform(0.36, 0.44), rng.uniform(0.46, 0.58)
     wall, half = rng.uniform(0.015, 0.025), width / 2
     parts = [

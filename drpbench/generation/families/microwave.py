@@ -28,7 +28,8 @@ def build(rng: np.random.Generator, items: int = 1, compact: bool = False) -> sc
     ]
     opening = rng.uniform(np.radians(95), np.radians(150))
     leaf = half - right
-    # Closed, the door reaches from its hinge at y = half to y = right; opening turns it to the front.
+    # Closed, the door reaches from its hinge at y = half to y = right; opening turns it to the
+    # front.
     outward = np.array([-np.sin(opening), -np.cos(opening), 0.0])
     middle = np.array([-0.012, half, stand + height / 2]) + outward * leaf / 2
     parts.append(scene.box((0.024, leaf, height), middle, rotation.axis_angle((0, 0, 1), -opening)))

@@ -1,4 +1,5 @@
-"""Where furniture stands around the arm, the open space beside it, and loose objects on surfaces."""
+"""Where furniture stands around the arm, the open space beside it, and loose objects on
+surfaces."""
 
 from __future__ import annotations
 

@@ -11,7 +11,8 @@ FORWARD = np.array([1.0, 0.0, 0.0])
 
 
 def build(rng: np.random.Generator, items: int = 9, compact: bool = False) -> scene.Furniture:
-    """Two or three levels of boards with up to `items` objects; each level keeps a gap for a hand."""
+    """Two or three levels of boards with up to `items` objects; each level keeps a gap for a
+    hand."""
     boards = 3 if compact else int(rng.integers(3, 5))
     width = rng.uniform(0.45, 0.55) if compact else rng.uniform(0.65, 0.95)
     gap = rng.uniform(0.26, 0.34) if boards == 3 else rng.uniform(0.23, 0.28)

@@ -14,8 +14,9 @@ LEARNERS: Mapping[str, type[Learner]] = {"impact": ImpactLearner}
 
 
 def learner(name: str, size: str | None = None) -> Learner:
-    """The learner that `name` describes, of a named size, by default its first: `impact`; yours by import
-    path, `my_package.my_module:MyLearner`, or by the name under which your installed package offers it.
+    """The learner that `name` describes, of a named size, by default its first: `impact`; yours by
+    import path, `my_package.my_module:MyLearner`, or by the name under which your installed package
+    offers it.
 
     Raises LearnerError or PolicyError, each one line.
     """

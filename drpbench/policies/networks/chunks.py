@@ -7,8 +7,8 @@ shall be k control steps later, in units that make every row of the order of one
     s(q, goal) = clip(max_i |goal_i - q_i| / RAMP, FLOOR, 1)
 
 So a chunk of ones is motion at the demonstrations' speed, and near the goal the same error of the
-network moves the arm less: it converges to the goal instead of wandering about it. The paper's chunk
-holds delta joint actions too; its units are not published.
+network moves the arm less: it converges to the goal instead of wandering about it. The paper's
+chunk holds delta joint actions too; its units are not published.
 """
 
 import jax.numpy as jnp
@@ -31,8 +31,8 @@ FLOOR = 1e-3
 def lookahead(robot: Robot = PANDA, control_period: float = EPISODE.period) -> int:
     """Which waypoint is commanded, counted from 1.
 
-    The servos lag their target by `robot.servo_lag`, of the Panda 0.05 s, which is three control steps of
-    1/60 s: a target that far ahead makes the arm keep to the path's time.
+    The servos lag their target by `robot.servo_lag`, of the Panda 0.05 s, which is three control
+    steps of 1/60 s: a target that far ahead makes the arm keep to the path's time.
     """
     return min(max(1, round(robot.servo_lag / control_period)), CHUNK)
 
@@ -67,7 +67,8 @@ def decode(
     robot: Robot = PANDA,
     control_period: float = EPISODE.period,
 ) -> Float[Array, "*batch 10 J"]:
-    """The ten waypoints [rad] that a chunk means at configuration q [rad]; not clipped to the limits."""
+    """The ten waypoints [rad] that a chunk means at configuration q [rad]; not clipped to the
+    limits."""
     return q[..., None, :] + chunk * _units(q, goal, robot, control_period)
 
 

@@ -16,7 +16,8 @@ def most_feelers(robot: Robot = PANDA) -> int:
 
 @cache
 def feeler_points(count: int, robot: Robot = PANDA) -> BodyPoints:
-    """`count` of the arm's sphere centres, spread over it: each the farthest from those before it, at home.
+    """`count` of the arm's sphere centres, spread over it: each the farthest from those before it,
+    at home.
 
     Raises ValueError for more than `most_feelers`.
     """

@@ -1,16 +1,20 @@
-"""IMPACT, the paper's network: point clouds and joint configurations in, a chunk of joint motion out.
+"""IMPACT, the paper's network: point clouds and joint configurations in, a chunk of joint motion
+out.
 
-    tokens = [set abstraction of the scene + e_s, of the robot + e_r, MLP(q_c) + e_c, MLP(q_mg) + e_mg, ...]
-    chunk  = linear(decoder(A, encoder(tokens)))        A: ten learnable action tokens
+    tokens = [set abstraction of the scene + e_s, of the robot + e_r, MLP(q_c) + e_c, MLP(q_mg) +
+    e_mg, ...] chunk  = linear(decoder(A, encoder(tokens)))        A: ten learnable action tokens
 
-After the paper's "IMPACT" section and its table of hyperparameters. Where the paper leaves a choice:
+After the paper's "IMPACT" section and its table of hyperparameters. Where the paper leaves a
+choice:
 
-- A third state token holds goal minus current joints, as in the authors' code; the paper has two. It
+- A third state token holds goal minus current joints, as in the authors' code; the paper has two.
+It
   also holds the direction of that difference, because the chunk's units shrink at the goal
   (`chunks.py`), and what must be told there is a direction.
 - Type embeddings are added, as in the paper (the authors' code concatenates them).
 - The sin/cos positional encoding of the paper's table is that of the coordinates of a point token's
-  centre: a set of tokens has no other order. The set abstraction itself sees relative coordinates only.
+  centre: a set of tokens has no other order. The set abstraction itself sees relative coordinates
+  only.
 - Norms stand before each sublayer, with one after each stack: such networks train without a long
   warm-up. Activations are ReLU, as in the authors' code.
 """
@@ -72,7 +76,8 @@ def normalised(q: Float[Array, "*batch J"], robot: Robot = PANDA) -> Float[Array
 def arm_at(
     q: Float[Array, "*batch J"], count: int, robot: Robot = PANDA
 ) -> Float[Array, "*batch {count} 3"]:
-    """Every (256 / count)-th of the observed points of the arm, at joints `q` [rad]: positions [m]."""
+    """Every (256 / count)-th of the observed points of the arm, at joints `q` [rad]: positions
+    [m]."""
     observed = robot.surface_points(ROBOT_POINTS)
     return _world(observed.part(np.arange(0, ROBOT_POINTS, ROBOT_POINTS // count)), q, robot)
 
@@ -129,7 +134,8 @@ class PointTokens(nnx.Module):
         *features: Float[Array, "*batch N F"],
         centers: Float[Array, "*batch T 3"] | None = None,
     ) -> Float[Array, "*batch T H"]:
-        """A token for each of `centers`; without them, for points of the cloud that are far apart."""
+        """A token for each of `centers`; without them, for points of the cloud that are far
+        apart."""
         batch = mask.shape[:-1]
         points, mask, *felt = (
             leaf.reshape(-1, *leaf.shape[len(batch) :]) for leaf in (points, mask, *features)
@@ -298,8 +304,8 @@ class ImpactNetwork(nnx.Module):
     ) -> Float[Array, "*batch 10 J"]:
         """The chunk (`chunks.py`) for points [m] in the world frame and joints [rad].
 
-        Points are thinned by a fixed stride: they are in random order, the moving boxes' last, so every
-        surface keeps its share.
+        Points are thinned by a fixed stride: they are in random order, the moving boxes' last, so
+        every surface keeps its share.
         """
         size = self.size
         all_points, all_there = scene_points, scene_mask

@@ -20,12 +20,14 @@ from .impact_size import ImpactSize
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Impact:
-    """The network's chunk at each control step; the servos get its waypoint `lookahead` (`chunks.py`)."""
+    """The network's chunk at each control step; the servos get its waypoint `lookahead`
+    (`chunks.py`)."""
 
     parameters: Parameters
     size: ImpactSize = field(metadata={"static": True})
     weights: str = field(default="", metadata={"static": True})
-    """Which numbers these are, for a result's header: the SHA-256 of the file they came from, if any."""
+    """Which numbers these are, for a result's header: the SHA-256 of the file they came from, if
+    any."""
     robot: Robot = field(default=PANDA, metadata={"static": True})
     control_period: float = field(default=EPISODE.period, metadata={"static": True})
 
@@ -45,8 +47,8 @@ class Impact:
 
 @functools.cache
 def _batching(size: ImpactSize, robot: Robot) -> Callable[..., Float[Array, "*batch 10 J"]]:
-    """`apply`, given a whole batch at once where it is vmapped: it then knows the batch's size, and takes
-    it in pieces that fit the cache."""
+    """`apply`, given a whole batch at once where it is vmapped: it then knows the batch's size, and
+    takes it in pieces that fit the cache."""
 
     def whole(parameters: Parameters, *seen: Any) -> Array:
         return apply(size, parameters, *seen, robot=robot)

@@ -25,9 +25,9 @@ class ImpactSize:
     encoder_layers: int = 6
     decoder_layers: int = 6
     sees_goal: bool = False
-    """Whether the arm at its goal is shown: as tokens, and every scene point with its closeness to the arm
-    as it is and as it will be. The paper's network has to find that out from joints alone, which takes
-    data by the million."""
+    """Whether the arm at its goal is shown: as tokens, and every scene point with its closeness to
+    the arm as it is and as it will be. The paper's network has to find that out from joints alone,
+    which takes data by the million."""
     feelers: int = 0
     """So many places on the arm feel what is around them: for each, the scene points within
     `feeler_radius` make a token, with the arm as it is and again with the arm at its goal."""
@@ -76,6 +76,6 @@ SMALL = ImpactSize(
     sees_goal=True,
     feelers=12,
 )
-"""For processors without an accelerator: the same architecture, but that it sees the arm at its goal, and has
-feelers."""
+"""For processors without an accelerator: the same architecture, but that it sees the arm at its
+goal, and has feelers."""
 SIZES = {"full": FULL, "small": SMALL}

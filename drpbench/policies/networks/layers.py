@@ -1,9 +1,9 @@
 """Matrix products, maximum and attention, with gradients written out.
 
-They are what `jnp` computes, and so are the gradients. XLA on the CPU is slow where autodiff leaves it to
-find the order of operations: a product contracted over anything but the last axis of the left and the
-first of the right is done in plain loops, and the gradient of a maximum in several passes over memory.
-`python benchmarks/impact_inference.py` measures the outcome.
+They are what `jnp` computes, and so are the gradients. XLA on the CPU is slow where autodiff leaves
+it to find the order of operations: a product contracted over anything but the last axis of the left
+and the first of the right is done in plain loops, and the gradient of a maximum in several passes
+over memory. `python benchmarks/impact_inference.py` measures the outcome.
 """
 
 from typing import Any
@@ -45,7 +45,8 @@ def dot_general(
 
 @jax.custom_vjp
 def greatest(x: Float[Array, "*batch S C"]) -> Float[Array, "*batch C"]:
-    """The maximum over the last axis but one. Its gradient is shared evenly by all that attain it."""
+    """The maximum over the last axis but one. Its gradient is shared evenly by all that attain
+    it."""
     return jnp.max(x, axis=-2)
 
 

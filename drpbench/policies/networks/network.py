@@ -33,7 +33,8 @@ class Network(Protocol):
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any], robot: Robot = PANDA) -> "Network":
-        """The network that `settings` describes, as JSON has it; a size that is absent has its default.
+        """The network that `settings` describes, as JSON has it; a size that is absent has its
+        default.
 
         One with a field `robot` is for that arm. Raises ValueError or TypeError.
         """
@@ -51,5 +52,6 @@ class Network(Protocol):
         ...
 
     def policy(self, parameters: Any, weights: str = "") -> Policy:
-        """The policy with these parameters. `weights` is the SHA-256 of the file that they came from."""
+        """The policy with these parameters. `weights` is the SHA-256 of the file that they came
+        from."""
         ...

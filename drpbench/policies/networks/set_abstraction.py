@@ -1,11 +1,13 @@
 """PointNet++'s set abstraction: a cloud becomes a few tokens, each of which sees a ball of points.
 
-Farthest-point sampling picks the centres, a ball query groups the points around each, a small network
-shared by all points looks at them relative to their centre, and a maximum over the group makes a token
-(Qi et al., PointNet++, 2017). The neighbourhoods are exactly those of the paper's code: the first
-`samples` points in index order that are nearer than the radius, padded with the first of them.
+Farthest-point sampling picks the centres, a ball query groups the points around each, a small
+network shared by all points looks at them relative to their centre, and a maximum over the group
+makes a token (Qi et al., PointNet++, 2017). The neighbourhoods are exactly those of the paper's
+code: the first `samples` points in index order that are nearer than the radius, padded with the
+first of them.
 
-Tokens of relative coordinates know nothing of where they are: the caller adds the centre's position.
+Tokens of relative coordinates know nothing of where they are: the caller adds the centre's
+position.
 """
 
 from collections.abc import Callable
@@ -24,10 +26,11 @@ _PIECE = 8192  # neighbours at a time
 def farthest_points(
     points: Float[Array, "*batch N 3"], mask: Bool[Array, "*batch N"], count: int
 ) -> Int[Array, "*batch {count}"]:
-    """Indices of `count` points, each the farthest from those before it; the first valid one begins.
+    """Indices of `count` points, each the farthest from those before it; the first valid one
+    begins.
 
-    Ties go to the smaller index. Masked points are never chosen while there is a valid one; with fewer
-    distinct points than `count`, the first is repeated; a cloud without points gives index 0.
+    Ties go to the smaller index. Masked points are never chosen while there is a valid one; with
+    fewer distinct points than `count`, the first is repeated; a cloud without points gives index 0.
     """
     x, y, z = (points[..., i] for i in range(3))
     order = jnp.broadcast_to(jnp.arange(points.shape[-2], dtype=jnp.int32), mask.shape)
@@ -107,7 +110,8 @@ def neighbourhoods(
     samples: int,
     features: Float[Array, "*batch N F"] | None = None,
 ) -> Float[Array, "*batch K {samples} C"]:
-    """Each centre's neighbours relative to it, in radii: within [-1, 1]; then their features, if any.
+    """Each centre's neighbours relative to it, in radii: within [-1, 1]; then their features, if
+    any.
 
     Finite for a cloud without points too, if its centres are its index 0.
     """
@@ -119,17 +123,18 @@ def neighbourhoods(
 
 
 def _apart(x: Float[Array, "..."]) -> Float[Array, "..."]:
-    """The same numbers. XLA on the CPU would fuse what makes them into the matrix products that use them,
-    and is several times slower for it."""
+    """The same numbers. XLA on the CPU would fuse what makes them into the matrix products that use
+    them, and is several times slower for it."""
     return stored(x) if jax.default_backend() == "cpu" else x
 
 
 def in_pieces(function: Callable, neighbours: int, *clouds: Array) -> Array:
-    """`function` of clouds (batch, ...), some clouds at a time on the CPU; `neighbours` counts a cloud's.
+    """`function` of clouds (batch, ...), some clouds at a time on the CPU; `neighbours` counts a
+    cloud's.
 
     What all neighbours of a batch become is far larger than any cache, and XLA on the CPU takes new
-    memory for it at each call: a few clouds at a time are up to five times faster. So is computing it
-    again for the gradient rather than keeping it. An accelerator takes the batch whole.
+    memory for it at each call: a few clouds at a time are up to five times faster. So is computing
+    it again for the gradient rather than keeping it. An accelerator takes the batch whole.
     """
     batch = clouds[0].shape[0]
     most = max(1, _PIECE // neighbours)
@@ -144,9 +149,9 @@ def in_pieces(function: Callable, neighbours: int, *clouds: Array) -> Array:
 def check_neighbourhoods() -> str | None:
     """Whether this machine finds the right neighbourhoods: the fault in words, or None.
 
-    A wrong build of this very operation has given a published policy's users a success rate of zero.
-    The check runs the compiled operations on a small cloud with masked, clustered and repeated points,
-    and does the same by counting in numpy.
+    A wrong build of this very operation has given a published policy's users a success rate of
+    zero. The check runs the compiled operations on a small cloud with masked, clustered and
+    repeated points, and does the same by counting in numpy.
     """
     rng = np.random.default_rng(0)
     count, tokens, radius, samples = 200, 24, 0.12, 8

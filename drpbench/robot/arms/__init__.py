@@ -14,7 +14,8 @@ PANDA = panda()
 
 
 def arm(name: str, finger_opening: float | None = None) -> Robot:
-    """The arm of that name, each finger `finger_opening` [m] from the middle (None: as far as is usual).
+    """The arm of that name, each finger `finger_opening` [m] from the middle (None: as far as is
+    usual).
 
     Raises DrpbenchError for a name that there is not.
     """

@@ -1,7 +1,7 @@
 """The Franka Panda: published limits, offsets and inertia. SI units throughout.
 
-Source: Franka Emika's data sheet ("Robot and interface specifications"). The fingers are fixed open, so
-they are rigid parts of the hand. The spheres are fitted to the real collision meshes by
+Source: Franka Emika's data sheet ("Robot and interface specifications"). The fingers are fixed
+open, so they are rigid parts of the hand. The spheres are fitted to the real collision meshes by
 `scripts/fit_spheres.py`; docs/architecture.md has the figures.
 """
 
@@ -20,8 +20,8 @@ from .meshes import NO_MESHES, find_mesh_model
 
 _COS45 = 0.7071067811865476
 
-# Distances from joint axes to the arm's farthest points: sums of the published offsets, and 0.28 m from
-# the wrist's centre (joints 5 and 6 meet there) to the farthest point of the hand.
+# Distances from joint axes to the arm's farthest points: sums of the published offsets, and 0.28 m
+# from the wrist's centre (joints 5 and 6 meet there) to the farthest point of the hand.
 _HAND, _FOREARM, _UPPER_ARM = 0.28, np.hypot(0.384, 0.0825), np.hypot(0.316, 0.0825)
 _ACCELERATION_LIMIT = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])  # [rad/s^2]
 
@@ -84,8 +84,8 @@ def _panda(finger_opening: float) -> Robot:
         ),
         servo_lag=0.05,
         # Over random configurations no other pair of frames that is at least two apart ever meets,
-        # neither the spheres nor the real meshes; but for the spheres of link5 and link7, whose meshes
-        # stay apart.
+        # neither the spheres nor the real meshes; but for the spheres of link5 and link7, whose
+        # meshes stay apart.
         self_collision_blocks=(((0, 1, 2), (5, 6, 7, 8)), ((5,), (8,))),
         forearm=3,
         base_radius=0.12,

@@ -1,4 +1,5 @@
-"""The arm with its real collision meshes, as a MuJoCo specification: what referees are built from."""
+"""The arm with its real collision meshes, as a MuJoCo specification: what referees are built
+from."""
 
 from __future__ import annotations
 
@@ -21,8 +22,8 @@ def mesh_arm(
     Visual geoms, actuators, tendons and keys are left out, the fingers are fixed open, and a site
     `grip` is added. MuJoCo collides a mesh's convex hull. Every link's mesh is its hull to within
     0.9 mm, but a finger's hull has 1.8 times its volume and stands out by 8 mm where the fingers
-    face each other; so a finger's mesh is cut into `finger_pieces` slabs along z, and the hulls of 8
-    of them fill no more than 2.2 mm (the screws' pockets). One piece leaves the finger whole.
+    face each other; so a finger's mesh is cut into `finger_pieces` slabs along z, and the hulls of
+    8 of them fill no more than 2.2 mm (the screws' pockets). One piece leaves the finger whole.
     """
     import mujoco
 

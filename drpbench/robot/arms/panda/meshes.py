@@ -1,11 +1,13 @@
-"""Where the real Panda meshes are, for what checks itself against them. They are not part of drpbench."""
+"""Where the real Panda meshes are, for what checks itself against them. They are not part of
+drpbench."""
 
 import os
 import sys
 from pathlib import Path
 
 NO_MESHES = (
-    "the real Panda meshes were not found: set DRPBENCH_MESHES to a folder with panda_collision.xml "
+    "the real Panda meshes were not found: set DRPBENCH_MESHES to a folder with "
+    "panda_collision.xml "
     "or panda.xml, or: pip install mujoco-menagerie && mujoco-menagerie prefetch franka_emika_panda"
 )
 
@@ -13,8 +15,8 @@ NO_MESHES = (
 def find_mesh_model() -> Path | None:
     """MJCF of the Panda with its meshes, or None.
 
-    Looked for in the folder that the environment variable `DRPBENCH_MESHES` names, then where the package
-    `mujoco-menagerie` keeps what it has fetched. Never downloads.
+    Looked for in the folder that the environment variable `DRPBENCH_MESHES` names, then where the
+    package `mujoco-menagerie` keeps what it has fetched. Never downloads.
     """
     roots = []
     if named := os.environ.get("DRPBENCH_MESHES"):
