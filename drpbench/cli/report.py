@@ -26,15 +26,14 @@ def report(
     thumbnails: Annotated[
         int | None,
         typer.Option(
-            help=("Pictures of so many failures of each policy; what has no saved trajectories "
-                "is run ")
-            f"again. [default: {THUMBNAILS}, of what has them]"
+            help="Pictures of so many failures of each policy; what has no saved trajectories "
+            f"is run again. [default: {THUMBNAILS}, of what has them]"
         ),
     ] = None,
     problems_from: ProblemsFrom = None,
 ) -> None:
-    """Write one HTML file on results: leaderboard, charts, failures. A report that is there is
-    replaced."""
+    """Write one HTML file on results: leaderboard, charts, failures. A report that is there
+    is replaced."""
     require("record", "drpbench report")
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--out {out}: the report must end in .html")
