@@ -54,7 +54,7 @@ class Run:
     validation_problems: int = 64
     """0: never validated."""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, period in (
             ("steps", self.settings.steps),
             ("checkpoint-every", self.checkpoint_every),

@@ -21,7 +21,7 @@ def minimise(
     gradient, hessian, damping) -> point` understands. A step is taken if it lowers the cost.
     """
 
-    def step(_, state):
+    def step(_: Array, state: tuple[Any, Any, Array]) -> tuple[Any, Any, Array]:
         tried, best, damping = state
         found = (tried, *evaluate(tried))
         better = found[1] < best[1]

@@ -7,8 +7,10 @@ collision geoms; its surface is the part of their faces that no other geom of th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -168,7 +170,7 @@ def _sample_triangles(
     return (1.0 - s) * a + s * (1.0 - t) * b + s * t * c, face
 
 
-def _inside_other_part(parts, points: np.ndarray, face: np.ndarray) -> np.ndarray:
+def _inside_other_part(parts: Sequence[Any], points: np.ndarray, face: np.ndarray) -> np.ndarray:
     """(N,) bool: the point, on the given face of its own part, is inside another part."""
     covered = np.zeros(len(points), bool)
     if len(parts) == 1:

@@ -233,7 +233,7 @@ class Robot:
         return clearance
 
 
-def _twists(angles: np.ndarray, dtype) -> tuple[Array, ...]:
+def _twists(angles: np.ndarray, dtype: Any) -> tuple[Array, ...]:
     """What `_twisted` needs of each joint: quarter turns as -1, 0 or 1; other angles as cosine and
     sine."""
     quarters = np.round(angles / (0.5 * np.pi))
@@ -242,7 +242,7 @@ def _twists(angles: np.ndarray, dtype) -> tuple[Array, ...]:
     return (jnp.asarray(np.cos(angles), dtype), jnp.asarray(np.sin(angles), dtype))
 
 
-def _twisted(y, z, twist: tuple[Array, ...]):
+def _twisted(y: Array, z: Array, twist: tuple[Array, ...]) -> tuple[Array, Array]:
     """The axes y and z turned about x. Quarter turns take no sum, so nothing of them can be
     rounded."""
     if len(twist) == 1:
@@ -252,7 +252,7 @@ def _twisted(y, z, twist: tuple[Array, ...]):
     return cos * y + sin * z, cos * z - sin * y
 
 
-def _combined(origin, coefficients: np.ndarray, axes):
+def _combined(origin: Array, coefficients: np.ndarray, axes: tuple[Array, ...]) -> Array:
     """origin + sum of coefficients times axes, without the terms that are zero."""
     for coefficient, axis in zip(coefficients.tolist(), axes, strict=True):
         if coefficient:
@@ -260,18 +260,17 @@ def _combined(origin, coefficients: np.ndarray, axes):
     return origin
 
 
-def _turned(column: np.ndarray, axes):
+def _turned(column: np.ndarray, axes: tuple[Array, ...]) -> Array:
     """sum of column times axes: its largest entry times a sum of ratios, so that turns by multiples
     of 45 degrees are rounded once."""
     largest = float(np.abs(column).max())
-    total = None
-    for entry, axis in zip(column.tolist(), axes, strict=True):
-        ratio = entry / largest
-        if ratio == 0.0:
-            continue
-        if total is None:
-            total = axis if ratio == 1.0 else ratio * axis
-        elif abs(ratio) == 1.0:
+    ratios = [entry / largest for entry in column.tolist()]
+    # The first term that counts begins the sum; turns by 45 degrees have ratios of 1 and -1.
+    terms = [(ratio, axis) for ratio, axis in zip(ratios, axes, strict=True) if ratio]
+    (ratio, axis), *others = terms
+    total = axis if ratio == 1.0 else ratio * axis
+    for ratio, axis in others:
+        if abs(ratio) == 1.0:
             total = total + axis if ratio > 0.0 else total - axis
         else:
             total = total + ratio * axis
