@@ -6,27 +6,11 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from drpbench.learning import Learner, chunk_loss
 from drpbench.learning.learner import LearnerError, check
 from drpbench.plugins.errors import PolicyError
-from drpbench.policies import Hold
 from drpbench.robot import PANDA
 
-
-@dataclass(frozen=True)
-class Mean(Learner):
-    """Answers the same chunk everywhere."""
-
-    scale: float = 1.0
-
-    def initial(self, seed):
-        return {"chunk": jnp.full((10, 7), self.scale)}
-
-    def loss(self, parameters, batch, precision):
-        return chunk_loss(batch.chunk, jnp.broadcast_to(parameters["chunk"], batch.chunk.shape))
-
-    def policy(self, parameters, weights=""):
-        return Hold()
+from .tiny import Mean
 
 
 def refused(demonstrations, kind=LearnerError, **methods):

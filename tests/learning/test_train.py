@@ -11,13 +11,13 @@ from drpbench.learning.checkpoints import CheckpointError
 from drpbench.learning.cloning import CloningSettings
 from drpbench.learning.history import History
 from drpbench.learning.learners import learner
-from drpbench.learning.learners.impact import ImpactLearner
 from drpbench.learning.train import TrainingError, train
 from drpbench.learning.validation import Score
-from drpbench.policies.networks.impact_policy import Impact
+from drpbench.policies import Hold
+from drpbench.policies.networks.impact_format import ImpactFormat
 from drpbench.policies.weights import card, checksum
 
-from .tiny import LEARNER, Fixed, run
+from .tiny import Fixed, Mean, run
 
 
 def ignored(line, run): ...
@@ -73,11 +73,13 @@ def test_a_resumed_run_may_go_further_and_says_so(tmp_path, demonstrations):
     )
 
 
-def test_a_run_from_when_there_was_one_network_goes_on(tmp_path, demonstrations):
+def test_a_run_from_when_there_was_one_network_goes_on(tmp_path, demonstrations, monkeypatch):
+    assert training._BEFORE_NETWORKS["network"] == ImpactFormat.format()
     feed, out = Fixed(demonstrations), tmp_path / "run"
     train(run(out), feed, ignored)
     stretches = json.loads((out / "settings.json").read_text())
-    assert stretches[0].pop("network") == "drpbench-impact-1"
+    assert stretches[0].pop("network") == Mean.format()
+    monkeypatch.setattr(training, "_BEFORE_NETWORKS", {"network": Mean.format()})
     (out / "settings.json").write_text(json.dumps(stretches))
     longer = {"settings": CloningSettings(steps=14, batch=16, warmup=2), "checkpoint_every": 2}
     assert train(run(out, resume=True, **longer), feed, ignored).step == 14
@@ -85,7 +87,8 @@ def test_a_run_from_when_there_was_one_network_goes_on(tmp_path, demonstrations)
 
 def test_a_run_states_its_size_by_name_or_in_numbers(tmp_path):
     assert run(tmp_path, learner("impact", "small")).facts()["size"] == "small"
-    assert run(tmp_path).facts()["size"]["width"] == LEARNER.size.width
+    assert run(tmp_path).facts()["size"] == "default"
+    assert run(tmp_path, Mean(3.0)).facts()["size"] == {"scale": 3.0}
     assert run(tmp_path).facts()["batch"] == 16
 
 
@@ -97,7 +100,7 @@ def test_what_is_validated_stands_in_the_history_and_on_the_card(
             self.count = count
 
         def score(self, policy):
-            assert isinstance(policy, Impact)
+            assert isinstance(policy, Hold)
             return Score(self.count, 3, 2, 1)
 
     monkeypatch.setattr(training, "Validation", Validation)
@@ -113,12 +116,12 @@ def test_what_is_validated_stands_in_the_history_and_on_the_card(
 
 def test_a_loss_that_is_no_number_ends_the_run_and_names_the_step(tmp_path, demonstrations):
     @dataclass(frozen=True)
-    class Diverging(ImpactLearner):
+    class Diverging(Mean):
         def loss(self, parameters, batch, precision):
             return super().loss(parameters, batch, precision) * jnp.nan
 
     with pytest.raises(TrainingError, match="no number at step 0: .*--learning-rate"):
-        train(run(tmp_path / "run", Diverging(LEARNER.size)), Fixed(demonstrations), ignored)
+        train(run(tmp_path / "run", Diverging()), Fixed(demonstrations), ignored)
 
 
 def test_a_damaged_checkpoint_is_one_clear_error(tmp_path, demonstrations):
@@ -128,7 +131,7 @@ def test_a_damaged_checkpoint_is_one_clear_error(tmp_path, demonstrations):
         if path.is_file():
             path.write_bytes(b"")
     with pytest.raises(CheckpointError, match="cannot be resumed|holds no checkpoint"):
-        train(run(out, resume=True), feed, ignored)
+        train(run(out, resume=True, steps=16), feed, ignored)
 
 
 @pytest.mark.parametrize(

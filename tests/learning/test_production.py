@@ -1,0 +1,75 @@
+"""Problems come in order of number from other processes; solved ones are kept whole, shard by shard."""
+
+import jax
+import numpy as np
+import pytest
+
+from drpbench.learning import production
+from drpbench.learning.demonstrations import Shards, read
+from drpbench.learning.production import SHARD, Problems, Production, fill
+
+
+def test_a_problem_depends_on_its_stream_and_number_alone(drawn):
+    problems = Problems("tests")
+    for number in (3, 0):
+        again = problems(number)
+        assert again.index == number and np.array_equal(again.hint, drawn[number].hint)
+    assert not np.array_equal(Problems("others")(0).hint, drawn[0].hint)
+
+
+def test_processes_draw_what_this_one_draws_in_order(drawn, monkeypatch):
+    monkeypatch.setattr(production, "batch_size", lambda: 2)
+    monkeypatch.setattr(production, "solve", list)  # what was drawn, unsolved
+    with Production("tests", workers=1) as source:
+        batches = list(source.solved(range(1, 12)))
+    assert [count for count, _ in batches] == [2, 2, 2, 2, 2, 1]
+    for number, one in enumerate((one for _, batch in batches for one in batch), start=1):
+        assert one.index == number and np.array_equal(one.goal, drawn[number].goal)
+
+
+def test_the_paths_that_the_expert_solved_are_kept_with_their_scenes(drawn, monkeypatch):
+    """The planner is replaced: it solves every second problem, by its hint."""
+
+    def hints_as_plans(obstacles, start, goal, keys, hints):
+        assert hints.shape == (4, 1, 64, 7) and obstacles.mask.shape[0] == len(keys) == 4
+        return Plans(hints[:, 0], np.array([True, False, True, False]))
+
+    class Plans:
+        def __init__(self, path, success):
+            self.path, self.success = path, success
+            self.length, self.reached = np.arange(4.0, dtype=np.float32), success
+
+    monkeypatch.setattr(production, "batch_size", lambda: 4)
+    monkeypatch.setattr(production, "planner", lambda *settings: hints_as_plans)
+    found = production.solve(drawn[4:7])  # the fourth place is filled up, and not kept
+    assert list(found.index) == [4, 6] and list(found.length) == [0.0, 2.0]
+    assert np.array_equal(found.path, np.stack([drawn[4].hint, drawn[6].hint]))
+    assert np.array_equal(found.position, np.stack([drawn[4].position, drawn[6].position]))
+
+
+def test_only_missing_shards_are_made(demonstrations, tmp_path, monkeypatch):
+    one = jax.tree.map(lambda leaf: np.asarray(leaf)[:1], demonstrations)
+    asked = []
+
+    class Source:
+        def __init__(self, workers=None):
+            assert workers == 3
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *error): ...
+
+        def solved(self, numbers):
+            asked.append((numbers.start, numbers.stop))
+            yield 600, one
+            yield len(numbers) - 600, one
+
+    monkeypatch.setattr(production, "Production", Source)
+    shards, calls = Shards(tmp_path / "data", "training", SHARD), []
+    shards.add(SHARD, one)
+    fill(shards, range(0, 3 * SHARD), 3, lambda drawn, solved: calls.append((drawn, solved)))
+    assert asked == [(0, SHARD), (2 * SHARD, 3 * SHARD)]
+    assert calls == [(600, 1), (SHARD - 600, 1)] * 2
+    assert shards.done == {0, SHARD, 2 * SHARD} and read(tmp_path / "data").count == 5
+    fill(shards, range(0, 3 * SHARD), 3, lambda *_: pytest.fail("all shards are there"))
