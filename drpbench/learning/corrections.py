@@ -72,7 +72,7 @@ def _walk(
         q, carry = state
         target, carry = policy.act(observe(q), carry, key)
         q = jnp.clip(target, robot.joint_lower, robot.joint_upper)
-        return (q, carry), (q, jnp.min(gaps(q, obstacles).obstacle))
+        return (q, carry), (q, jnp.min(gaps(q, obstacles, robot).obstacle))
 
     begun = (start, policy.init(observe(start)))
     _, walked = jax.lax.scan(step, begun, jax.random.split(key, STEPS))
@@ -206,7 +206,7 @@ def correct(
     keys = jax.vmap(lambda index: jax.random.fold_in(jax.random.key(seed), index))(filled.index)
     parts = []
     for scenes, starts, usable, hints in _strays(robot)(policy, filled, keys):
-        plans = planner(CHEAP)(
+        plans = planner(CHEAP, robot)(
             scenes.obstacles.primitives(), starts, scenes.goal, keys, hints[:, None]
         )
         good = np.flatnonzero(np.asarray(plans.success & usable)[:count])

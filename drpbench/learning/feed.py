@@ -15,6 +15,7 @@ import jax
 import numpy as np
 
 from drpbench.generation.training_problems import TRAINING_STREAM
+from drpbench.robot import PANDA, Robot
 
 from .demonstrations import DataError, Demonstrations, join, read, read_manifest
 from .production import SHARD, Production
@@ -76,11 +77,18 @@ class Stream:
     training is not repeated exactly; for that, train from a folder.
     """
 
-    def __init__(self, capacity: int, first: int = 0, workers: int | None = None):
+    def __init__(
+        self,
+        capacity: int,
+        first: int = 0,
+        workers: int | None = None,
+        robot: Robot = PANDA,
+    ):
         """`first` is the number of the first problem."""
         if capacity < _BLOCK:
             raise DataError(f"--capacity {capacity}: at least {_BLOCK} demonstrations are kept")
-        self._capacity, self._first, self._workers = capacity, first, workers
+        self._capacity, self._first = capacity, first
+        self._workers, self._robot = workers, robot
         self._blocks: queue.Queue[Demonstrations | BaseException] = queue.Queue(maxsize=8)
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._produce, daemon=True)
@@ -123,7 +131,7 @@ class Stream:
 
     def _produce(self) -> None:
         try:
-            with Production(workers=self._workers) as production:
+            with Production(workers=self._workers, robot=self._robot) as production:
                 self._solve(production)
         except BaseException as error:  # raised where a block is waited for
             self._blocks.put(error)
@@ -147,7 +155,7 @@ class Stream:
 
 
 @jax.jit
-def _write(leaf: jax.Array, block: jax.Array, first: int) -> jax.Array:
+def _write(leaf: jax.Array, block: jax.Array, first: jax.Array | int) -> jax.Array:
     return jax.lax.dynamic_update_slice_in_dim(leaf, block.astype(leaf.dtype), first, 0)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from drpbench.generation.training_problems import TRAINING_STREAM, Drawer, Drawn
 from drpbench.geometry import stacked
 from drpbench.planning.expert import CHEAP, planner
+from drpbench.robot import PANDA, Robot
 
 from .demonstrations import Demonstrations, Shards, join
 
@@ -28,6 +29,7 @@ class Problems:
     """The numbered problems of one stream, drawn in whatever process it is called in."""
 
     stream: str = TRAINING_STREAM
+    robot: Robot = PANDA
 
     def __call__(self, number: int) -> Drawn:
         return _drawer(self).draw(number)
@@ -36,7 +38,7 @@ class Problems:
 @cache
 def _drawer(problems: Problems) -> Drawer:
     """One a process: it holds a compiled checker."""
-    return Drawer(problems.stream)
+    return Drawer(problems.stream, problems.robot)
 
 
 def _without_accelerator() -> None:
@@ -60,8 +62,13 @@ def default_workers() -> int:
 class Production:
     """Solved problems of one stream, by number, in order. A context manager: it owns processes."""
 
-    def __init__(self, stream: str = TRAINING_STREAM, workers: int | None = None):
-        self._problem = Problems(stream)
+    def __init__(
+        self,
+        stream: str = TRAINING_STREAM,
+        workers: int | None = None,
+        robot: Robot = PANDA,
+    ):
+        self._problem = Problems(stream, robot)
         self._pool = ProcessPoolExecutor(
             workers or default_workers(),
             mp_context=multiprocessing.get_context("spawn"),
@@ -84,10 +91,10 @@ class Production:
             drawn = [future.result() for future in ahead[:batch]]
             more = [self._pool.submit(self._problem, number) for number in islice(rest, batch)]
             ahead = ahead[batch:] + more
-            yield len(drawn), solve(drawn)
+            yield len(drawn), solve(drawn, self._problem.robot)
 
 
-def solve(drawn: Sequence[Drawn]) -> Demonstrations:
+def solve(drawn: Sequence[Drawn], robot: Robot = PANDA) -> Demonstrations:
     """The expert's paths for those of up to `batch_size()` problems that it solves."""
     filled = [drawn[number % len(drawn)] for number in range(batch_size())]  # one compiled shape
 
@@ -96,7 +103,7 @@ def solve(drawn: Sequence[Drawn]) -> Demonstrations:
 
     obstacles = stacked([one.obstacles for one in filled])
     keys = jax.vmap(jax.random.key)(stack("index"))
-    plans = planner(CHEAP)(
+    plans = planner(CHEAP, robot)(
         obstacles.primitives(), stack("start"), stack("goal"), keys, stack("hint")[:, None]
     )
     solved = np.nonzero(np.asarray(plans.success)[: len(drawn)])[0]

@@ -31,18 +31,19 @@ class Validation:
     task."""
 
     def __init__(self, count: int = LANES, robot: Robot = PANDA):
-        drawer, number = Drawer(VALIDATION_STREAM), 0
+        drawer, number = Drawer(VALIDATION_STREAM, robot), 0
         drawn: list[Drawn] = []
         while len(drawn) < count:
             one = drawer.draw(number)
             drawn += [] if one.obstructed else [one]
             number += 1
         self._problems, self._count = problems(drawn, robot), count
+        self._world = World(TASKS["SE"], robot)
 
     def score(self, policy: Policy) -> Score:
         """Episodes of the policy. Nothing is compiled for one of the structure of an earlier
         one."""
-        rollout = Rollout(World(TASKS["SE"]), policy, lanes=max(LANES, self._count))
+        rollout = Rollout(self._world, policy, lanes=max(LANES, self._count))
         verdict = rollout.run(self._problems).verdict
         return Score(
             self._count,

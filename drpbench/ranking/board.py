@@ -88,6 +88,12 @@ class Leaderboard:
     tasks: tuple[str, ...]
     entries: tuple[Entry, ...]
 
+    def __str__(self) -> str:
+        """The tables as Markdown."""
+        from .tables import render_markdown
+
+        return render_markdown(self)
+
 
 def load_dir(folder: str | os.PathLike[str]) -> dict[str, Result]:
     """Reads every result file of a folder, by file name.

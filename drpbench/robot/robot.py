@@ -87,7 +87,7 @@ class Robot:
     figure: Callable[[], tuple[Solid, ...]] | None = None
     """The arm as solids, to be drawn; without it its collision spheres are."""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray):
@@ -95,7 +95,10 @@ class Robot:
 
     @cached_property
     def _key(self) -> tuple:
-        values = (getattr(self, field.name) for field in fields(self))
+        # How it is drawn and judged on the host changes nothing that is computed; and functions,
+        # once pickled, are not what they were.
+        names = (field.name for field in fields(self) if field.name not in ("meshes", "figure"))
+        values = (getattr(self, name) for name in names)
         return tuple(v.tobytes() if isinstance(v, np.ndarray) else v for v in values)
 
     def __hash__(self) -> int:

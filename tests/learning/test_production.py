@@ -1,4 +1,5 @@
-"""Problems come in order of number from other processes; solved ones are kept whole, shard by shard."""
+"""Problems come in order of number from other processes; solved ones are kept whole, shard by
+shard."""
 
 import jax
 import numpy as np
