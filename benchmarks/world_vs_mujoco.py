@@ -21,7 +21,7 @@ from mujoco import rollout
 from world_loop import WorldLoop, batch_of, most_obstacles
 
 from drpbench.compile import use_cache
-from drpbench.contract import CONTROL_PERIOD
+from drpbench.contract import EPISODE
 from drpbench.evaluation.run import device_name
 from drpbench.problems import TaskProblems, load_set
 from drpbench.robot import PANDA
@@ -36,7 +36,7 @@ def mujoco_model(problems: TaskProblems, index: int) -> mujoco.MjModel:
     if path is None:
         raise SystemExit(PANDA.meshes.absent)
     spec = PANDA.meshes.spec(path, finger_pieces=1)  # whole fingers: MuJoCo at its fastest
-    spec.option.timestep = CONTROL_PERIOD / SUBSTEPS
+    spec.option.timestep = EPISODE.period / SUBSTEPS
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.gravity = np.zeros(3)
     for joint, most in zip(spec.joints, PANDA.torque_limit, strict=True):
@@ -101,7 +101,7 @@ class MujocoLoop:
 def references(start: np.ndarray, goal: np.ndarray, steps: int) -> np.ndarray:
     """(batch, steps, 7) [rad]: what the world's servos aim at while the target is the goal."""
     found, reference = [], start
-    most = PANDA.velocity_limit * CONTROL_PERIOD
+    most = PANDA.velocity_limit * EPISODE.period
     for _ in range(steps):
         reference = reference + np.clip(goal - reference, -most, most)
         found.append(reference)

@@ -1,8 +1,6 @@
 """What passes between the rooms: problems, observations, policies, episodes and verdicts. No
 physics."""
 
-from .episode import CONTROL_PERIOD as CONTROL_PERIOD
-from .episode import CONTROL_STEPS as CONTROL_STEPS
 from .episode import EPISODE as EPISODE
 from .episode import Episode as Episode
 from .host_policy import HostObservation as HostObservation

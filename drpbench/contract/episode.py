@@ -41,6 +41,3 @@ class Episode:
 
 EPISODE = Episode()
 """The benchmark's."""
-
-CONTROL_PERIOD = EPISODE.period  # [s]
-CONTROL_STEPS = EPISODE.steps

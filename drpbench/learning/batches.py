@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from drpbench.contract import CONTROL_PERIOD, ROBOT_POINTS
+from drpbench.contract import EPISODE, ROBOT_POINTS
 from drpbench.geometry import Primitives, sample_surface
 from drpbench.policies.networks.chunks import CHUNK, RAMP, SPEED, encode
 from drpbench.robot import PANDA, Robot
@@ -99,7 +99,7 @@ def _sample_one(
     offset = BESIDE * jax.random.uniform(size_key) * jax.random.normal(offset_key, (robot.joints,))
     q = jnp.clip(on_path + offset, robot.joint_lower, robot.joint_upper)
 
-    time = CONTROL_PERIOD * jnp.arange(1, CHUNK + 1)
+    time = EPISODE.period * jnp.arange(1, CHUNK + 1)
     left = way_left(length * (1.0 - share) * jnp.ones(CHUNK), time, robot)
     ahead = along(path, 1.0 - left / jnp.maximum(length, 1e-6))
     waypoints = ahead + (q - on_path) * jnp.exp(-time / (near(robot) / SPEED))[:, None]

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from drpbench.contract import (
-    CONTROL_PERIOD,
-    CONTROL_STEPS,
+    EPISODE,
     REACH_ORIENTATION,
     REACH_POSITION,
     REACH_POSITION_LOOSE,
@@ -99,10 +98,10 @@ def check(name: str, result: Result, problem_set: ProblemSet | None = None) -> N
 
 def _contradiction(row: Row, robot: Robot) -> str | None:
     """What in a row cannot have been measured; the schema has caught what is cruder."""
-    last = CONTROL_STEPS * CONTROL_PERIOD
-    if row.first_collision_step is not None and row.first_collision_step >= CONTROL_STEPS:
+    last = EPISODE.duration
+    if row.first_collision_step is not None and row.first_collision_step >= EPISODE.steps:
         return (
-            f"first_collision_step is {row.first_collision_step} of {CONTROL_STEPS} control steps"
+            f"first_collision_step is {row.first_collision_step} of {EPISODE.steps} control steps"
         )
     moving = robot.link_names[1:]
     if row.first_collision_link not in (None, *moving):

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from drpbench.contract import CONTROL_PERIOD
+from drpbench.contract import EPISODE
 from drpbench.evaluation import referee
 from drpbench.evaluation.referee import Judgement, RefereeError, agreement, judge, judge_episode
 from drpbench.geometry import Obstacles
@@ -45,7 +45,7 @@ def recording(joints, movers=0) -> dict[str, np.ndarray]:
     steps = len(joints) - 1
     return {
         "joint_position": joints,
-        "joint_velocity": np.diff(joints, axis=0) / np.float32(CONTROL_PERIOD),
+        "joint_velocity": np.diff(joints, axis=0) / np.float32(EPISODE.period),
         "mover_position": np.zeros((steps, movers, 3), np.float32),
         "mover_active": np.zeros((steps, movers), bool),
         "mover_half_size": np.full((steps, movers, 3), 0.1, np.float32),
@@ -216,7 +216,7 @@ def test_the_middle_is_where_the_velocity_leads_back_to(checker, row):
     post = among(((0.02, 0.02, 1.0), (0.31, 0.0, 0.55)))
     episode = recording(swing(-0.8, -0.8, 1))
     assert not judge_episode(row, episode, post, checker).collided
-    episode["joint_velocity"][0, 0] = -0.8 / (CONTROL_PERIOD / 2)
+    episode["joint_velocity"][0, 0] = -0.8 / (EPISODE.period / 2)
     assert judge_episode(row, episode, post, checker).collided
 
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drpbench.contract import CONTROL_PERIOD
+from drpbench.contract import EPISODE
 from drpbench.geometry import signed_distance
 from drpbench.learning import batches
 from drpbench.policies.networks.chunks import CHUNK, SPEED, decode
@@ -62,11 +62,11 @@ def test_chunks_lead_at_no_more_than_the_stated_speed_along_the_path(demonstrati
     for share in (0.0, 0.3, 0.9, 1.0):
         path, length = jnp.asarray(demonstrations.path[0]), float(demonstrations.length[0])
         left = length * (1 - share)
-        times = CONTROL_PERIOD * jnp.arange(CHUNK + 1)
+        times = EPISODE.period * jnp.arange(CHUNK + 1)
         ahead = batches.along(path, 1 - batches.way_left(jnp.full(CHUNK + 1, left), times) / length)
         speed = (
             jnp.max(jnp.abs(jnp.diff(ahead, axis=0)) / PANDA.velocity_limit, axis=1)
-            / CONTROL_PERIOD
+            / EPISODE.period
         )
         rows.append(np.asarray(speed))
     assert np.allclose(rows[0], SPEED, rtol=0.02)  # full speed

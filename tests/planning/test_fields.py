@@ -39,7 +39,7 @@ def test_the_grid_is_a_field_and_near_the_primitives_own(field):
 
 
 def test_the_expert_leads_round_what_a_voxel_grid_holds(field, spheres, obstacles):
-    spheres.set_obstacles(*obstacles((0, BOX[1], BOX[0])))
+    spheres.set_obstacles(obstacles((0, BOX[1], BOX[0])))
     line = LEFT + np.linspace(0, 1, 50)[:, None] * (RIGHT - LEFT)
     assert min(spheres.clearance(q) for q in line) < 0.0
     settings = PlannerSettings(iterations=12, vias=3)

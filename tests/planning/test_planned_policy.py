@@ -15,7 +15,7 @@ from drpbench.rollout import Rollout
 
 SETTINGS = PlannerSettings(iterations=12, vias=7)
 PACE = 12  # control steps from one waypoint to the next
-PROBLEMS = [0, 1]  # of SE; straight lines collide there
+PROBLEMS = [1, 2]  # of SE; straight lines collide there
 
 
 @jax.tree_util.register_dataclass

@@ -8,6 +8,7 @@ import pytest
 from drpbench.compile import jit
 from drpbench.errors import DrpbenchError
 from drpbench.generation.certificate import certify
+from drpbench.geometry import Obstacles
 from drpbench.geometry.host_rotation import from_matrix
 from drpbench.planning import ik, motion
 from drpbench.planning.checker import mesh_checker, sphere_checker
@@ -41,7 +42,7 @@ def hold(checker, *placed):
     """Puts upright boxes (centre, half extents) into the checker."""
     centres, halves = (np.array(column) for column in zip(*placed, strict=True))
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(placed), 1))
-    checker.set_obstacles(np.zeros(len(placed), int), halves, centres, turns)
+    checker.set_obstacles(Obstacles.boxes(halves, centres, turns))
 
 
 def configurations(robot, count, seed=0):
