@@ -1,4 +1,5 @@
-"""A policy, an arm, a task, a sensor and a problem set of a stranger's, without touching the package.
+"""A policy, an arm, a task, a sensor and a problem set of a stranger's, without touching the
+package.
 
 A stranger's network is in `tests/learning/test_own_network.py`.
 """
