@@ -1,5 +1,6 @@
 """The documentation builds without a warning, and what it shows lies in it."""
 
+import importlib
 import re
 import subprocess
 import sys
@@ -45,3 +46,16 @@ def test_notebooks_and_root_pages_are_pages(site):
         "notebooks/look_at_failures.html": "first_collision_link",
     }.items():
         assert said in re.sub(r"<[^>]+>", "", (site / page).read_text()), page
+
+
+def reference():
+    """(module, name) of everything that the API reference names."""
+    for page in sorted((ROOT / "docs" / "reference").glob("*.md")):
+        shown = re.findall(r"^::: (\S+)\n.*\n\s+members: \[(.*)\]", page.read_text(), re.MULTILINE)
+        yield from ((module, name.strip()) for module, names in shown for name in names.split(","))
+
+
+@pytest.mark.parametrize(("module", "name"), list(reference()))
+def test_the_reference_names_what_there_is_and_is_documented(module, name):
+    found = getattr(importlib.import_module(module), name)
+    assert name == name.upper() or found.__doc__

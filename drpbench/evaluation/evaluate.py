@@ -91,11 +91,9 @@ def evaluate(
 
     Args:
         policy: a name that `drpbench list` knows, an import path, or a policy itself: in JAX
-        (`init` and
-            `act`) or on the host (`reset` and `act`).
+            (`init` and `act`) or on the host (`reset` and `act`).
         on: a task ("FDO"), several (["FDO", "DGB"]) or "all" of the benchmark's; or a problem set,
-        or the
-            path of its file, with all of its tasks.
+            or the path of its file, with all of its tasks.
         problems: the first so many of each task, or their ids; None for all of them.
         policy_arguments: parameters of a named policy, each as "name=value".
         batch_size: episodes at once.
@@ -105,7 +103,7 @@ def evaluate(
 
     Raises:
         DrpbenchError: an argument, the policy or the set is not as expected; the message is one
-        line.
+            line.
     """
     problem_set, tasks = _chosen(on)
     choice = at_hand(policy, time_limit, problem_set.robot) if not isinstance(policy, str) else None

@@ -33,10 +33,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     next problems.
 
     Args:
-        num_envs: how many problems at once. task: SE, SAO, FDO, GB or DGB. problems: "frozen" for
-        the benchmark's, "training" for others drawn to learn from, or a ProblemSet. run_seed: the
-        seed of `drpbench run`: of point clouds and of how boxes move. episode: how long an episode
-        is; another one than the benchmark's is for trying things out.
+        num_envs: how many problems at once.
+        task: SE, SAO, FDO, GB or DGB.
+        problems: "frozen" for the benchmark's, "training" for others drawn to learn from, or a
+            ProblemSet.
+        run_seed: the seed of `drpbench run`: of point clouds and of how boxes move.
+        episode: how long an episode is; another one than the benchmark's is for trying things out.
 
     Raises:
         ValueError: an argument is not one of those.
@@ -83,8 +85,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         Args:
             seed: of the order in which problems are served; None goes on in the order begun.
             options: `{"id": [...]}` names the problem of each lane. `{"reset_mask": [...]}` may
-            only be
-                true everywhere, for all lanes' episodes begin and end together.
+                only be true everywhere, for all lanes' episodes begin and end together.
 
         After a rehearsal of SAO, a reset without seed and id begins the second pass: the same
         problems, now with a box on the path taken.

@@ -17,9 +17,11 @@ class ProblemSet:
     """Problems by task, in the order that they are run and shown.
 
     Attributes:
-        sha256: checksum of the content. Results of two sets are never compared. arm: name of the
-        arm, see `drpbench.robot.ARMS`. finger_opening: [m] of each finger from the middle. ground:
-        whether the arm stands on a table or floor at z = 0. No sensor sees a point below it.
+        sha256: checksum of the content. Results of two sets are never compared.
+        arm: name of the arm, see `drpbench.robot.ARMS`.
+        finger_opening: [m] of each finger from the middle.
+        ground: whether the arm stands on a table or floor at z = 0. No sensor sees a point below
+            it.
     """
 
     name: str

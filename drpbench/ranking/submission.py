@@ -151,8 +151,7 @@ def assess(
 
     Raises:
         ResultsError: a result is wrong (see `check`) or made on another problem set, or they are of
-        several
-            policies.
+            several policies.
         LeaderboardError: results do not go together.
     """
     of = problem_set or load_set()

@@ -45,8 +45,8 @@ def figures(
 
     Returns:
         `policies` (name, privileged), `tasks`, `reasons`, the grids `times` [s], `clearances` [m]
-        and `errors` [m], `cells` (see `cell`, with the indices `policy` and `task`), `failures`
-        (see `failures`) and `gallery` (see there).
+            and `errors` [m], `cells` (see `cell`, with the indices `policy` and `task`), `failures`
+            (see `failures`) and `gallery` (see there).
     """
     names = [entry.policy for entry in board.entries]
     cells = []
@@ -83,9 +83,9 @@ def cell(rows: Sequence[Row]) -> dict:
 
     Returns:
         `n` rows; `success`: successes k, rows n and Wilson's 95 % interval of k/n; `families`: of
-        each its name, and the same; `times`: successes that are at the goal to stay at each of
-        TIMES; `clearances`: rows by smallest clearance, in one bin more than there are edges;
-        `errors`: rows with a final position error below each of ERRORS.
+            each its name, and the same; `times`: successes that are at the goal to stay at each of
+            TIMES; `clearances`: rows by smallest clearance, in one bin more than there are edges;
+            `errors`: rows with a final position error below each of ERRORS.
     """
     families: dict[str, list[bool]] = {}
     for row in rows:
@@ -115,10 +115,10 @@ def failures(
 
     Returns:
         The lists that columns point into: `replays` (of each file the command that replays an
-        episode, up to its id), `families`, `links`, `statuses`; and `columns`, with the indices
-        `policy`, `task`, `replay`, `family`, `reason`, `link` and `status`, the `id`, the control
-        `step` of the first collision, and the final errors `position` [0.1 mm] and `orientation`
-        [0.1 degrees]. ABSENT where there is none.
+            episode, up to its id), `families`, `links`, `statuses`; and `columns`, with the indices
+            `policy`, `task`, `replay`, `family`, `reason`, `link` and `status`, the `id`, the
+            control `step` of the first collision, and the final errors `position` [0.1 mm] and
+            `orientation` [0.1 degrees]. ABSENT where there is none.
     """
     failed = [
         (file, result.header.policy, row)

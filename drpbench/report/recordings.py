@@ -68,8 +68,8 @@ def gallery(
 
     Returns:
         `kinds`; of each file the `folders` of recordings and the `grids` in them; `kept`, pairs of
-        a failure's place and the indices of its kinds; `pictures`, pairs of its place and its
-        picture.
+            a failure's place and the indices of its kinds; `pictures`, pairs of its place and its
+            picture.
     """
     beside = [recordings.get(file, Kept()) for file in files]
     by_file = dict(zip(files, beside, strict=True))
