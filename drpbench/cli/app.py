@@ -80,7 +80,7 @@ def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
         if isinstance(error, InputError):
             raise
         raise InputError(
-            f"--problems {text!r}: a count (20), ids (3,17 or 5,) or a range of ids (0-9) is meant"
+            f"--problems {text!r}: expected a count (20), ids (3,17 or 5,) or a range of ids (0-9)"
         ) from None
     if not ids or len(set(ids)) < len(ids):
         raise InputError(f"--problems {text!r}: names no problem, or one twice")
@@ -111,7 +111,7 @@ def default_out(policy: str, tasks: str, resume: bool) -> Path:
 
 @app.command()
 def run(
-    task: Annotated[str, typer.Option(help="One task, several (FDO,DGB) or all.")] = "all",
+    task: Annotated[str, typer.Option(help="The tasks: one, several (FDO,DGB) or all.")] = "all",
     policy: PolicyName = "rmp",
     policy_arg: PolicyArguments = None,
     time_limit: TimeLimit = 10.0,
@@ -122,11 +122,13 @@ def run(
     seed: Seed = 0,
     out: Annotated[
         Path | None,
-        typer.Option(help="Result file; .json.gz compresses it [default: runs/POLICY-TASK.json]"),
+        typer.Option(
+            help="The result file; .json.gz compresses it [default: runs/POLICY-TASK.json]"
+        ),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished run.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run.")] = False,
     batch_size: Annotated[
-        int | None, typer.Option(help="Episodes at once [default: 64; 2048 on a GPU]")
+        int | None, typer.Option(help="How many episodes run at once [default: 64; 2048 on a GPU]")
     ] = None,
     save_trajectories: Annotated[
         bool,
@@ -136,11 +138,11 @@ def run(
         str | None,
         typer.Option(
             metavar="[COUNT]",
-            help="Write an MCAP file for Foxglove of every episode, or of so many of each task.",
+            help="Write an MCAP file for Foxglove of every episode, or of COUNT of each task.",
         ),
     ] = None,
 ) -> None:
-    """Evaluate a policy: every problem exactly once, resumable, one JSON with a row for each."""
+    """Evaluate a policy. Every problem runs exactly once; the result file has a row for each."""
     if batch_size is not None and batch_size < 1:
         raise InputError(f"--batch-size {batch_size}: must be at least 1")
     check_limits(time_limit, seed)
@@ -202,12 +204,12 @@ def run(
 @app.command()
 def leaderboard(
     folder: Annotated[
-        Path | None, typer.Argument(help="Folder of result files [default: the shipped results]")
+        Path | None, typer.Argument(help="A folder of result files [default: the shipped results]")
     ] = None,
     markdown: Annotated[bool, typer.Option("--markdown", help="Print Markdown.")] = False,
     problems_from: ProblemsFrom = None,
 ) -> None:
-    """Compare results: every figure recomputed from the rows, with 95 % intervals."""
+    """Compare results. Every figure is recomputed from the rows and has a 95 % interval."""
     from rich.console import Console
 
     from drpbench.ranking import build, load_dir
@@ -225,7 +227,7 @@ def leaderboard(
 
 @app.command("list")
 def list_() -> None:
-    """Tasks and policies there are."""
+    """List the tasks and the policies."""
     from rich.console import Console
 
     from drpbench.envs import TASKS
@@ -247,9 +249,11 @@ def list_() -> None:
 @app.command("new-policy")
 def new_policy(
     name: Annotated[str, typer.Argument(help="The policy's name: my-policy")],
-    folder: Annotated[Path, typer.Option(help="Where the package's folder is put.")] = Path("."),
+    folder: Annotated[
+        Path, typer.Option(help="The folder that the package's folder goes into.")
+    ] = Path("."),
 ) -> None:
-    """Write a small package around a policy of your own, that runs as it is."""
+    """Write a small package for a policy of your own. It runs as it is."""
     from drpbench.plugins.registry import POLICIES, WRAPPERS
     from drpbench.plugins.scaffold import write
 
@@ -281,11 +285,11 @@ def show(
 
 @problems_app.command("export")
 def export(
-    task: Annotated[str, typer.Option(help="One task, several or all.")],
-    out: Annotated[Path, typer.Option(help="The file to write, JSON lines.")],
+    task: Annotated[str, typer.Option(help="The tasks: one, several or all.")],
+    out: Annotated[Path, typer.Option(help="The file of JSON lines to write.")],
     problems_from: ProblemsFrom = None,
 ) -> None:
-    """Write problems as JSON lines, which --problems-from reads. Refuses to overwrite."""
+    """Write problems as JSON lines, which --problems-from reads. Nothing is overwritten."""
     from drpbench.problems import export_lines, load_set
 
     problem_set = given_set(problems_from) or load_set()
@@ -302,8 +306,7 @@ def export(
 
 @app.command()
 def doctor() -> None:
-    """Versions, device, and a self-test: every link put into every kind of primitive must be
-    seen."""
+    """Print versions and device, and test the verdict: it must see every link in every shape."""
     from drpbench.compile import use_cache
 
     use_cache()
@@ -321,10 +324,12 @@ def doctor() -> None:
 
 @app.command()
 def referee(
-    result: Annotated[Path, typer.Argument(help="Result file of a run with --save-trajectories")],
+    result: Annotated[
+        Path, typer.Argument(help="The result file of a run with --save-trajectories.")
+    ],
     problems_from: ProblemsFrom = None,
 ) -> None:
-    """Judge recorded episodes again, in C MuJoCo with the real meshes: do both verdicts agree?"""
+    """Judge recorded episodes again, in C MuJoCo with the real meshes, and compare the verdicts."""
     from rich.console import Console
     from rich.progress import track
 

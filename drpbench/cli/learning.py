@@ -16,15 +16,19 @@ def _check_multiple(name: str, number: int, of: int, least: int = 0) -> None:
 
 
 def data(
-    out: Annotated[Path, typer.Option(help="Folder to write to, or to add to.")],
-    count: Annotated[int, typer.Option(help="How many problems to draw, in all.")] = 10240,
-    first: Annotated[int, typer.Option(help="Number of the first; other runs take others.")] = 0,
+    out: Annotated[Path, typer.Option(help="The folder to write to, or to add to.")],
+    count: Annotated[int, typer.Option(help="How many problems to draw in all.")] = 10240,
+    first: Annotated[
+        int, typer.Option(help="The number of the first problem; another run takes other numbers.")
+    ] = 0,
     workers: Annotated[
-        int | None, typer.Option(help="Processes that draw problems [default: one a core]")
+        int | None, typer.Option(help="How many processes draw problems [default: one a core]")
     ] = None,
 ) -> None:
-    """Make demonstrations: draw training problems, solve them, write shards. Goes on where it
-    stopped."""
+    """Make demonstrations: draw training problems, solve them and write shards.
+
+    The same command continues where it stopped.
+    """
     require("train", "drpbench data")
     from drpbench.generation.training_problems import TRAINING_STREAM
     from drpbench.learning.demonstrations import Shards
@@ -57,21 +61,27 @@ def correct(
         str,
         typer.Argument(
             help=(
-                "A file of weights; that of a network of your own as "
-                "my_package.my_module:MyLearner:FILE"
+                "The file of weights; for a network of your own my_package.my_module:MyLearner:FILE"
             )
         ),
     ],
-    demonstrations: Annotated[Path, typer.Option("--data", help="Folder of drpbench data.")],
-    out: Annotated[Path, typer.Option(help="Folder to write to.")],
+    demonstrations: Annotated[
+        Path, typer.Option("--data", help="The folder that drpbench data wrote.")
+    ],
+    out: Annotated[Path, typer.Option(help="The folder to write to.")],
     count: Annotated[
-        int | None, typer.Option(help="Of how many demonstrations [default: all whole shards]")
+        int | None,
+        typer.Option(help="How many demonstrations to correct [default: all whole shards]"),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of clouds and of what is kept.")] = 0,
+    seed: Annotated[
+        int, typer.Option(help="The seed of the point clouds and of the choice of corrections.")
+    ] = 0,
 ) -> None:
-    """Let a network go astray in demonstrated problems, and the expert show the way on from there.
+    """Make corrections: a network goes astray in demonstrated problems, and the expert shows the
+    way on.
 
-    Then train with --data twice: the demonstrations and these. Goes on where it stopped.
+    Then train with --data twice, for the demonstrations and for these. The same command continues
+    where it stopped.
     """
     require("train", "drpbench correct")
     from drpbench.learning.corrections import fill_corrections
@@ -108,14 +118,14 @@ def train(
         str,
         typer.Argument(help="What to train: impact, or your own: my_package.my_module:MyLearner"),
     ],
-    out: Annotated[Path, typer.Option(help="Folder of the run.")],
+    out: Annotated[Path, typer.Option(help="The folder that the run writes to.")],
     demonstrations: Annotated[
         list[Path] | None,
         typer.Option(
             "--data",
             help=(
-                "Folder of drpbench data or correct; may be given again [default: straight "
-                "from the expert]"
+                "The folder that drpbench data or correct wrote; give it again for more "
+                "[default: straight from the expert]"
             ),
         ),
     ] = None,
@@ -126,31 +136,46 @@ def train(
             " [default: the network's first]"
         ),
     ] = None,
-    steps: Annotated[int, typer.Option(help="The paper: 1,000,000.")] = 100_000,
-    batch: Annotated[int, typer.Option(help="Samples a step.")] = 512,
-    learning_rate: Annotated[float, typer.Option(help="At its highest.")] = 1e-3,
+    steps: Annotated[
+        int, typer.Option(help="How many steps to train; the paper has 1,000,000.")
+    ] = 100_000,
+    batch: Annotated[int, typer.Option(help="How many samples a step has.")] = 512,
+    learning_rate: Annotated[
+        float, typer.Option(help="The highest learning rate of the schedule.")
+    ] = 1e-3,
     precision: Annotated[
-        str | None, typer.Option(help="float32 or bfloat16 [default: bfloat16 on a GPU]")
+        str | None,
+        typer.Option(
+            help="The network's precision: float32 or bfloat16 [default: bfloat16 on a GPU]"
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of weights and samples.")] = 0,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with an unfinished run.")] = False,
-    report_every: Annotated[int, typer.Option(help="Steps between lines of the history.")] = 100,
-    checkpoint_every: Annotated[int, typer.Option(help="Steps between checkpoints.")] = 1000,
+    seed: Annotated[
+        int, typer.Option(help="The seed of the first weights and of the samples.")
+    ] = 0,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run.")] = False,
+    report_every: Annotated[
+        int, typer.Option(help="How many steps lie between lines of the history.")
+    ] = 100,
+    checkpoint_every: Annotated[
+        int, typer.Option(help="How many steps lie between checkpoints.")
+    ] = 1000,
     validate_every: Annotated[
-        int, typer.Option(help="Steps between validations; 0: only at the end.")
+        int, typer.Option(help="How many steps lie between validations; 0 means only at the end.")
     ] = 0,
     validation_problems: Annotated[
-        int, typer.Option(help="Episodes of a validation; 0: none.", min=0)
+        int, typer.Option(help="How many episodes a validation has; 0 means none.", min=0)
     ] = 64,
     capacity: Annotated[
-        int, typer.Option(help="Demonstrations kept at once, without --data.")
+        int, typer.Option(help="How many demonstrations are kept at once, without --data.")
     ] = 65536,
     workers: Annotated[
-        int | None, typer.Option(help="Processes that draw problems, without --data.")
+        int | None, typer.Option(help="How many processes draw problems, without --data.")
     ] = None,
 ) -> None:
-    """Train a network by behaviour cloning. Checkpoints, a CSV, a plot and weights lie in the run's
-    folder."""
+    """Train a network by behaviour cloning.
+
+    The run's folder gets checkpoints, a history as CSV and as a plot, and the weights.
+    """
     require("train", "drpbench train")
     for name, number in (
         ("steps", steps),
@@ -162,7 +187,7 @@ def train(
         if number < 1:
             raise InputError(f"--{name} {number}: must be at least 1")
     if precision not in (None, "float32", "bfloat16"):
-        raise InputError(f"--precision {precision}: float32 or bfloat16 is meant")
+        raise InputError(f"--precision {precision}: expected float32 or bfloat16")
     from drpbench.compile import use_cache
 
     use_cache()

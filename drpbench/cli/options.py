@@ -18,10 +18,11 @@ PolicyName = Annotated[
 ]
 PolicyArguments = Annotated[
     list[str] | None,
-    typer.Option(help="A parameter of the policy, NAME=VALUE; may be given again."),
+    typer.Option(help="A parameter of the policy, NAME=VALUE; give it again for more."),
 ]
 TimeLimit = Annotated[
-    float, typer.Option(help="Seconds a policy outside jit may take for a step of its batch.")
+    float,
+    typer.Option(help="How many seconds a policy outside jit may take for one step of its batch."),
 ]
 ProblemsFrom = Annotated[
     Path | None,
@@ -29,7 +30,7 @@ ProblemsFrom = Annotated[
         help="The problem set, a file of JSON lines (docs/problems.md) [default: drpbench-v1]"
     ),
 ]
-Seed = Annotated[int, typer.Option(help="Of everything random. Compare equal seeds only.")]
+Seed = Annotated[int, typer.Option(help="The seed of everything random. Compare equal seeds only.")]
 
 
 def check_limits(time_limit: float, seed: int) -> None:

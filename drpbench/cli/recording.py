@@ -33,7 +33,9 @@ def parse_count(text: str | None) -> int | None:
     if text in (None, "all"):
         return None
     if not text.isdecimal() or int(text) < 1:
-        raise InputError(f"--record {text}: how many of each task is meant (5), or nothing for all")
+        raise InputError(
+            f"--record {text}: expected a number of episodes of each task (5), or nothing for all"
+        )
     return int(text)
 
 
@@ -69,24 +71,25 @@ def _say_what_it_is(path: Path) -> None:
 
 def replay(
     result: Annotated[
-        Path, typer.Argument(help="Result file of a run; or an MCAP file, to check it.")
+        Path, typer.Argument(help="The result file of a run; or an MCAP file, to check it.")
     ],
-    id: Annotated[int | None, typer.Option(help="Which instance.")] = None,
+    id: Annotated[int | None, typer.Option(help="The number of the instance.")] = None,
     task: Annotated[
-        str | None, typer.Option(help="Of which task, where the result has several.")
+        str | None, typer.Option(help="The task, where the result has several.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder to write to [default: named after the result]")
+        Path | None, typer.Option(help="The folder to write to [default: named after the result]")
     ] = None,
     video: Annotated[bool, typer.Option("--video", help="Make a video as well.")] = False,
     grid: Annotated[
-        int | None, typer.Option(help="Instead: one video of so many episodes, spread evenly.")
+        int | None,
+        typer.Option(help="Make one video of this many episodes instead, spread evenly."),
     ] = None,
     problems_from: ProblemsFrom = None,
 ) -> None:
-    """Show an episode again: an MCAP file to open in Foxglove, or a video.
+    """Show an episode again, as an MCAP file for Foxglove or as a video.
 
-    Taken from the run's trajectories where there are any; else the episode is run again. Files that
+    The run's trajectories are used if there are any; otherwise the episode runs again. Files that
     are there are replaced.
     """
     require("record", "drpbench replay")

@@ -20,20 +20,19 @@ THUMBNAILS = 12
 
 def report(
     folder: Annotated[
-        Path | None, typer.Argument(help="Folder of result files [default: the shipped results]")
+        Path | None, typer.Argument(help="A folder of result files [default: the shipped results]")
     ] = None,
     out: Annotated[Path, typer.Option(help="The HTML file to write.")] = Path("report.html"),
     thumbnails: Annotated[
         int | None,
         typer.Option(
-            help="Pictures of so many failures of each policy; what has no saved trajectories "
+            help="How many failures of each policy are drawn; what has no saved trajectories "
             f"is run again. [default: {THUMBNAILS}, of what has them]"
         ),
     ] = None,
     problems_from: ProblemsFrom = None,
 ) -> None:
-    """Write one HTML file on results: leaderboard, charts, failures. A report that is there
-    is replaced."""
+    """Write one HTML file on results, with charts and failures. An older report is replaced."""
     require("record", "drpbench report")
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--out {out}: the report must end in .html")

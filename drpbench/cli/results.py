@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 def submit(
-    results: Annotated[list[Path], typer.Argument(help="Result file, or one for each task.")],
+    results: Annotated[list[Path], typer.Argument(help="The result file, or one for each task.")],
 ) -> None:
-    """Check a result fully, and see where it would stand. Nothing is sent anywhere.
+    """Check a result fully, and say where it would rank. Nothing is sent anywhere.
 
-    Exit code 0 for a full entry, 1 where something is missing, 2 for a file that is damaged or
-    contradicts itself.
+    The exit code is 0 for a full entry, 1 if something is missing, and 2 for a file that is damaged
+    or contradicts itself.
     """
     from rich.console import Console
 
@@ -62,14 +62,14 @@ def _line(text: str) -> tuple[str, str]:
 
 
 def verify(
-    result: Annotated[Path, typer.Argument(help="Result file of a run.")],
+    result: Annotated[Path, typer.Argument(help="The result file of a run.")],
     sample: Annotated[int, typer.Option(help="How many rows to run again.")] = 50,
-    seed: Annotated[int, typer.Option(help="Of which rows.")] = 0,
+    seed: Annotated[int, typer.Option(help="The seed that chooses the rows.")] = 0,
     problems_from: ProblemsFrom = None,
 ) -> None:
     """Run a random part of a result again, and compare row by row.
 
-    Exit code 0 where every verdict is the same, 1 where one is not.
+    The exit code is 0 if every verdict is the same, and 1 otherwise.
     """
     if sample < 1:
         raise InputError(f"--sample {sample}: must be at least 1")

@@ -19,21 +19,23 @@ from .options import (
 
 
 def view(
-    task: Annotated[str, typer.Option(help="One task.")] = "FDO",
+    task: Annotated[str, typer.Option(help="The task.")] = "FDO",
     policy: PolicyName = "drp",
     policy_arg: PolicyArguments = None,
     time_limit: TimeLimit = 10.0,
-    id: Annotated[int, typer.Option(help="The problem to begin with.")] = 0,
+    id: Annotated[int, typer.Option(help="The number of the first problem.")] = 0,
     problems_from: ProblemsFrom = None,
     seed: Seed = 0,
-    host: Annotated[str, typer.Option(help="Where to serve: 0.0.0.0 for other machines.")] = (
-        "127.0.0.1"
-    ),
-    port: Annotated[int, typer.Option(help="The port; if it is taken, the next free one.")] = 8080,
+    host: Annotated[
+        str, typer.Option(help="The address to serve at; 0.0.0.0 serves other machines too.")
+    ] = ("127.0.0.1"),
+    port: Annotated[
+        int, typer.Option(help="The port; if it is taken, the next free one is used.")
+    ] = 8080,
 ) -> None:
     """Watch a policy in the browser, and put things in its way (extra `viewer`)."""
     if not 0 < port < 65536:
-        raise InputError(f"--port {port}: a number from 1 to 65535 is meant")
+        raise InputError(f"--port {port}: expected a number from 1 to 65535")
     check_limits(time_limit, seed)
     try:
         import viser  # noqa: F401

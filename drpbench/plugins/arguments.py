@@ -27,7 +27,7 @@ def read(
     for text in given:
         key, equals, value = text.partition("=")
         if not equals or not key:
-            raise PolicyError(f"--policy-arg {text!r}: NAME=VALUE is meant")
+            raise PolicyError(f"--policy-arg: expected NAME=VALUE, got {text!r}")
         if key not in offered:
             known = ", ".join(offered) or "none"
             raise PolicyError(f"--policy-arg {key}: {name} has no such parameter; it has: {known}")
@@ -96,7 +96,9 @@ def _value(name: str, key: str, text: str, parameter: inspect.Parameter) -> Any:
         except ValueError:
             continue
     wanted = " or ".join(kind.__name__ for kind in kinds)
-    raise PolicyError(f"--policy-arg {key}={text}: a value of type {wanted} is meant") from None
+    raise PolicyError(
+        f"--policy-arg {key}: expected a value of type {wanted}, got {text}"
+    ) from None
 
 
 def _kinds(parameter: inspect.Parameter) -> list[type]:

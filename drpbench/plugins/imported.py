@@ -45,7 +45,7 @@ def find(
     if callable(found) and name:
         return found
     if found is not None and name:
-        raise PolicyError(f"{path}: {name} is of type {type(found).__name__}; {meant} is meant")
+        raise PolicyError(f"{path}: expected {meant}, got {name} of type {type(found).__name__}")
     offered = [
         key
         for key, value in vars(module).items()
@@ -69,7 +69,7 @@ def offered(entry: importlib.metadata.EntryPoint) -> Callable[..., Any]:
 def _module(path: str, name: str) -> ModuleType:
     if not all(part.isidentifier() for part in name.split(".")):
         raise PolicyError(
-            f"{path}: {name!r} is no module's name; package.module:ClassName is meant"
+            f"{path}: expected package.module:ClassName, got {name!r} as the module's name"
             " (dots, and no .py at the end)"
         )
     try:

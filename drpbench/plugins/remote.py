@@ -118,9 +118,8 @@ def _host_and_port(address: str) -> tuple[str, int]:
     host, _, port = address.rpartition(":")
     if not host or not port.isdecimal() or int(port) >= 1 << 16:
         raise PolicyError(
-            f"remote:{address}: remote:HOST:PORT (remote:127.0.0.1:5555) is meant, or the path "
-            f"of a Unix"
-            " socket (remote:/tmp/policy.sock)"
+            "expected remote:HOST:PORT (remote:127.0.0.1:5555) or the path of a Unix socket "
+            f"(remote:/tmp/policy.sock), got remote:{address}"
         )
     return host.strip("[]"), int(port)
 

@@ -105,7 +105,9 @@ def load_dir(folder: str | os.PathLike[str]) -> dict[str, Result]:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        told = "is no folder; one of result files is meant" if folder.exists() else "no such folder"
+        told = (
+            "expected a folder of result files, got a file" if folder.exists() else "no such folder"
+        )
         raise LeaderboardError(f"{folder}: {told}")
     files = sorted(file for file in folder.iterdir() if is_result(file))
     if not files:

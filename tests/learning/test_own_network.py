@@ -122,7 +122,7 @@ def test_weights_take_no_argument(trained):
         ("impact", "huge", "no size 'huge'; there are: full, small"),
         ("reacher:Reacher", "huge", "no size 'huge'; there are: default"),
         ("reacher:ReacherPolicy", None, "subclass of .*Learner"),
-        ("reacher:jnp", None, "is of type module; a class of a network is meant"),
+        ("reacher:jnp", None, "expected a class of a network, got jnp of type module"),
         ("drpbench.policies.networks.impact_format:ImpactFormat", None, "subclass of .*Learner"),
     ],
 )

@@ -92,7 +92,7 @@ def test_an_import_path_makes_a_policy(here):
         ("own_nothing:Fine", "no module 'own_nothing'"),
         ("own_package.policy:Fine", "no module 'own_package'"),
         ("own_policies.py:Fine", "without .py, it is a module's name"),
-        ("./own_policies.py:Fine", "package.module:ClassName is meant"),
+        ("./own_policies.py:Fine", "expected package.module:ClassName"),
         ("own_policies:Fin", "its classes: Fine, NoAct"),
         ("own_policies:", "its classes: Fine, NoAct"),
         ("own_policies:limit", "limit is of type int"),

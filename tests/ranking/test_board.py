@@ -187,6 +187,6 @@ def test_an_empty_or_missing_folder_says_so(tmp_path):
         load_dir(tmp_path / "none")
     (tmp_path / "a.json").touch()
     with pytest.raises(
-        LeaderboardError, match="a.json: is no folder; one of result files is meant"
+        LeaderboardError, match="a.json: expected a folder of result files, got a file"
     ):
         load_dir(tmp_path / "a.json")
