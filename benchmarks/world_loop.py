@@ -10,6 +10,7 @@ import numpy as np
 from drpbench.compile import jit
 from drpbench.contract import Observation, Problem
 from drpbench.envs import TASKS, State, World
+from drpbench.problems import TaskProblems
 from drpbench.rollout import instance_key
 
 

@@ -7,8 +7,8 @@ The text between the lines `<!-- scores -->` and `<!-- end of scores -->` is rep
 
 from pathlib import Path
 
-from drpbench.evaluation import build, load_dir
 from drpbench.problems import load_set
+from drpbench.ranking import build, load_dir
 from drpbench.ranking.tables import render_markdown
 from drpbench.results.shipped import shipped_results
 

@@ -140,10 +140,10 @@ def test_saving_what_cannot_be_loaded_is_refused(policy, tmp_path):
 def test_weights_are_for_one_arm(file, tmp_path):
     arm = toy_arm(tmp_path)
     with pytest.raises(WeightsError, match=r"shape .*; its sizes ask for .* for toy \(4 joints\)"):
-        load(file, arm)
+        load(file, robot=arm)
     own = tmp_path / "toy.safetensors"
-    save(own, Impact(initial(TINY, robot=arm), TINY, robot=arm), CARD)
-    found = load(own, arm)
+    save(own, ImpactFormat(TINY, arm), initial(TINY, robot=arm), CARD)
+    found = load(own, robot=arm)
     seen = nothing_seen(observation_spec(arm))
     assert jax.eval_shape(lambda seen: found.act(seen, (), None)[0], seen).shape == (4,)
     with pytest.raises(WeightsError, match="its sizes ask for"):
