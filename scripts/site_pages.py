@@ -1,7 +1,7 @@
 """Pages of the documentation that lie elsewhere in the repository: a hook of MkDocs (mkdocs.yml).
 
 README.md, CONTRIBUTING.md and CHANGELOG.md become pages, and so does each notebook: its text, its
-code and its stored outputs. A link that leads out of docs/ points to the repository.
+code and its stored outputs. Of a link that leads out of docs/ the words are left.
 """
 
 import base64
@@ -23,7 +23,7 @@ PAGES = {
 def on_files(files, config):
     """Adds the pages, and the pictures of the notebooks."""
     for source, page in PAGES.items():
-        text = relinked((ROOT / source).read_text(), "..", config["repo_url"])
+        text = relinked((ROOT / source).read_text(), "..")
         files.append(File.generated(config, page, content=text))
     for notebook in sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")):
         text, pictures = page_of(json.loads(notebook.read_text()), notebook.stem)
@@ -37,29 +37,30 @@ def on_page_markdown(markdown, page, config, files):
     """Mends the links of the pages that lie in docs/."""
     if page.file.generated_by:
         return markdown
-    return relinked(markdown, posixpath.dirname(page.file.src_uri) or ".", config["repo_url"])
+    return relinked(markdown, posixpath.dirname(page.file.src_uri) or ".")
 
 
-def relinked(text: str, folder: str, repository: str) -> str:
+def relinked(text: str, folder: str) -> str:
     """The text with its relative links mended; `folder` is where the text lies, seen from docs/.
 
-    What lies outside docs/ and is no page is linked in the repository.
+    Of a link to what lies outside docs/ and is no page, the words are left.
     """
 
     inside = "" if folder == ".." else folder  # a root file becomes a page in docs/ itself
 
     def mended(match: re.Match) -> str:
-        target, anchor = match[1], match[2] or ""
+        words, target, anchor = match[1], match[2], match[3] or ""
         if re.match(r"[a-z]+:", target):
             return match[0]
         path = posixpath.normpath(posixpath.join("docs", folder, target))
         if path in PAGES:
             path = posixpath.join("docs", PAGES[path])
         if path.startswith("docs/"):
-            return f"]({posixpath.relpath(path, posixpath.join('docs', inside))}{anchor})"
-        return f"]({repository}/blob/main/{path}{anchor})"
+            link = posixpath.relpath(path, posixpath.join("docs", inside))
+            return f"[{words}]({link}{anchor})"
+        return words
 
-    return re.sub(r"\]\(([^)#\s]+)(#[^)\s]*)?\)", mended, text)
+    return re.sub(r"\[([^\[\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)", mended, text)
 
 
 def page_of(notebook: dict, name: str) -> tuple[str, dict[str, bytes]]:

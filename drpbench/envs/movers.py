@@ -11,6 +11,7 @@ from drpbench.contract import Movers
 from drpbench.geometry import BOX, Primitives, quaternion_to_matrix, signed_distance
 
 from .arm import Arm
+from .random import quickly_compiled
 
 
 def random_rotation(key: PRNGKeyArray) -> Float[Array, "3 3"]:
@@ -101,7 +102,7 @@ def drifting_box(
     `place` draws where it is born; `excess` of a position and the base column's radius says how far
     [m] that is outside of where it may be; `deviation` and `pace` are `random_heading`'s.
     """
-    keys = jax.random.split(key, 4)
+    keys = jax.random.split(quickly_compiled(key), 4)
     half_size = jax.random.uniform(keys[0], (3,), minval=0.05, maxval=longest / 2)
     rotation = random_rotation(keys[1])
     column = base_column_radius(half_size, arm.base_radius)

@@ -1,8 +1,9 @@
 """The world's random numbers: those of JAX, in code that the CPU's compiler takes less time over.
 
 JAX computes a block of random bits over an array of the shape asked for, batch axes included. LLVM
-unrolls the short axes of such an array, and a reset draws some twenty of them. Here the same blocks
-are computed over flat arrays: the same bits.
+unrolls the short axes of such an array, and a reset draws some twenty of them. Here the same
+blocks are computed over flat arrays: the same bits. Only a reset uses them: in a control step they
+would change which of the other numbers' products are fused with sums, and so last bits.
 """
 
 import math

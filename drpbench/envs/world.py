@@ -87,7 +87,7 @@ class World:
 
     def reset(self, problem: Problem, key: PRNGKeyArray) -> State:
         """The state before the first control step. All of the episode's randomness is `key`'s."""
-        task_key, *sensor_keys = jax.random.split(quickly_compiled(key), 3)
+        task_key, *sensor_keys = jax.random.split(key, 3)
         start = jnp.asarray(problem.start)
         arm = Arm.of(self.robot, start)
         movers, memory = self.task.reset(problem, arm, task_key, self.episode)
@@ -100,7 +100,11 @@ class World:
             contact_torque=zeros,
             movers=movers,
             memory=memory,
-            cloud=self.sensor.reset(tuple(sensor_keys), problem, self.task.movers),
+            cloud=self.sensor.reset(
+                (quickly_compiled(sensor_keys[0]), quickly_compiled(sensor_keys[1])),
+                problem,
+                self.task.movers,
+            ),
         )
 
     def obstacles(self, state: State) -> Primitives:
