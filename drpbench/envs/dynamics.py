@@ -43,8 +43,9 @@ def substep(
     besides them. With h the time step, b the joints' damping and c(q, qd) the Coriolis and
     centrifugal forces,
 
-        (M(q) + h (kd + b)) (qd' - qd) / h = clip(kp (target - q) - kd qd) + torque + stops - b qd -
-        c q' = q + h qd'
+        (M(q) + h (kd + b)) (qd' - qd) / h
+            = clip(kp (target - q) - kd qd) + torque + stops - b qd - c
+        q' = q + h qd'
 
     C MuJoCo takes the same step while no servo is at its torque limit. At the limit it leaves kd
     out of the matrix; MJX does not, so that a limited joint speeds up as if h kd = 0.42 kg m^2

@@ -37,8 +37,8 @@ def rerun(
 
     Raises:
         ResultsError: the policy cannot be had with the parameters that the header states, or the
-            problems are not those that it was made on. PolicyError, WeightsError: it cannot be had
-            at all, or is lost on the way.
+            problems are not those that it was made on.
+        PolicyError, WeightsError: it cannot be had at all, or is lost on the way.
     """
     chosen = set_of(name, header, problem_set)
     with tempfile.TemporaryDirectory(prefix="drpbench-") as folder:

@@ -1,8 +1,7 @@
 """Host policies at work: called outside jit, a batch of instances at a time, under a time limit.
 
     class MyPolicy:
-        arrays = "torch"                      # what it is handed: "numpy" (the default), "torch" or
-        "jax"
+        arrays = "torch"                      # what it is handed; or "numpy" (the default), "jax"
 
         def reset(self, observation): ...     # episodes begin: B of them, seen for the first time
         def act(self, observation): ...       # joint position targets (B, J) [rad]

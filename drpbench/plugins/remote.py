@@ -2,9 +2,11 @@
 
 A message, in both directions (all numbers little-endian):
 
-    4 bytes   b"DRP1" 4 bytes   length of the header, unsigned header    JSON: {"kind": ...,
-    "arrays": [{"name": ..., "dtype": "<f4", "shape": [64, 7]}, ...], ...} arrays    their bytes one
-    after the other, row by row
+    4 bytes   b"DRP1"
+    4 bytes   length of the header, unsigned
+    header    JSON: {"kind": ...,
+                     "arrays": [{"name": ..., "dtype": "<f4", "shape": [64, 7]}, ...], ...}
+    arrays    their bytes one after the other, row by row
 
 docs/your-policy.md has the conversation; examples/remote_policy.py is the other side of it.
 """

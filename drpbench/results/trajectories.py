@@ -20,8 +20,8 @@ class Trajectories:
 
     The file `x.npz` beside `x.json` or `x.json.gz` holds, for an instance with key `FDO-17`:
 
-        FDO-17/joint_position   (T + 1, 7) float32 [rad], the start first
-        FDO-17/joint_velocity   (T, 7) float32 [rad/s], at the end of each control step
+        FDO-17/joint_position   (T + 1, J) float32 [rad], the start first
+        FDO-17/joint_velocity   (T, J) float32 [rad/s], at the end of each control step
         FDO-17/mover_position   (T, M, 3) float32 [m], centres of the moving boxes
         FDO-17/mover_active     (T, M) bool
         FDO-17/mover_half_size  (T, M, 3) float32 [m]; a box of SAO changes when it is put elsewhere

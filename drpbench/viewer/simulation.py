@@ -230,12 +230,12 @@ class Simulation:
 
     @property
     def joint_position(self) -> jax.Array:
-        """(7,) [rad]."""
+        """(J,) [rad]."""
         return self._state.joint_position
 
     @property
     def goal_joints(self) -> jax.Array:
-        """The goal as joints (7,) [rad]."""
+        """The goal as joints (J,) [rad]."""
         return jnp.asarray(self._state.problem.goal)
 
     def _nearest_goal(

@@ -1,15 +1,15 @@
 """IMPACT, the paper's network: point clouds and joint configurations in, a chunk of joint motion
 out.
 
-    tokens = [set abstraction of the scene + e_s, of the robot + e_r, MLP(q_c) + e_c, MLP(q_mg) +
-    e_mg, ...] chunk  = linear(decoder(A, encoder(tokens)))        A: ten learnable action tokens
+    tokens = [set abstraction of the scene + e_s, of the robot + e_r,
+              MLP(q_c) + e_c, MLP(q_mg) + e_mg, ...]
+    chunk  = linear(decoder(A, encoder(tokens)))        A: ten learnable action tokens
 
 After the paper's "IMPACT" section and its table of hyperparameters. Where the paper leaves a
 choice:
 
 - A third state token holds goal minus current joints, as in the authors' code; the paper has two.
-It
-  also holds the direction of that difference, because the chunk's units shrink at the goal
+  It also holds the direction of that difference, because the chunk's units shrink at the goal
   (`chunks.py`), and what must be told there is a direction.
 - Type embeddings are added, as in the paper (the authors' code concatenates them).
 - The sin/cos positional encoding of the paper's table is that of the coordinates of a point token's
