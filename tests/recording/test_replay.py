@@ -55,7 +55,7 @@ def test_another_verdict_is_refused(stored):
 def test_other_problems_are_refused(stored):
     result, path = stored
     header = result.header.model_copy(update={"problem_set_sha256": "0" * 64})
-    with pytest.raises(ResultsError, match="made on other problems"):
+    with pytest.raises(ResultsError, match="with checksum 0{12}.*; the problems here are"):
         Replayer(result.model_copy(update={"header": header}), path)
 
 
@@ -91,11 +91,12 @@ def again(rolled, header, monkeypatch):
             field.name: getattr(rolled.trace, field.name) for field in fields(type(rolled.trace))
         }
         trace = SimpleNamespace(
+            world=rolled.trace.world,
             **{
                 name: value[lanes] if name in ("start", "start_grip", "valid") else value[:, lanes]
                 for name, value in parts.items()
                 if isinstance(value, np.ndarray)
-            }
+            },
         )
         choice = rerun.choose(request.policy, request.policy_arguments)
         parameters = {"policy_parameters": choice.parameters, "seed": request.seed}

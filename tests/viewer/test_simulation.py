@@ -201,5 +201,5 @@ def test_a_host_policy_drives_the_arm_and_its_failure_is_told(capsys):
 
 
 def test_a_problem_that_is_not_there_is_named(simulation):
-    with pytest.raises(ProblemSetError, match="no number 200"):
+    with pytest.raises(ProblemSetError, match="no problem 200 in FDO"):
         simulation.open(200)
