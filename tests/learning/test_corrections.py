@@ -133,7 +133,7 @@ def test_corrections_begin_off_the_demonstrated_path(demonstrations, corrected):
 def test_shards_go_on_where_they_stopped(demonstrations, tmp_path, monkeypatch):
     asked = []
 
-    def answer(policy, some, seed):
+    def answer(policy, some, seed, robot):
         asked.append(some.index.tolist())
         return jax.tree.map(np.asarray, some)
 
