@@ -19,7 +19,7 @@ class Source(Production):
         self._one = jax.tree.map(lambda leaf: np.asarray(leaf)[:1], demonstrations)
         self._fails_at = fails_at
 
-    def __call__(self, workers=None):
+    def __call__(self, workers=None, robot=None):
         return self
 
     def __enter__(self):

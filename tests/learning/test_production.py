@@ -20,7 +20,8 @@ def test_a_problem_depends_on_its_stream_and_number_alone(drawn):
 
 def test_processes_draw_what_this_one_draws_in_order(drawn, monkeypatch):
     monkeypatch.setattr(production, "batch_size", lambda: 2)
-    monkeypatch.setattr(production, "solve", list)  # what was drawn, unsolved
+    # What was drawn, unsolved.
+    monkeypatch.setattr(production, "solve", lambda drawn, robot: list(drawn))
     with Production("tests", workers=1) as source:
         batches = list(source.solved(range(1, 12)))
     assert [count for count, _ in batches] == [2, 2, 2, 2, 2, 1]
@@ -45,7 +46,8 @@ def test_the_paths_that_the_expert_solved_are_kept_with_their_scenes(drawn, monk
     found = production.solve(drawn[4:7])  # the fourth place is filled up, and not kept
     assert list(found.index) == [4, 6] and list(found.length) == [0.0, 2.0]
     assert np.array_equal(found.path, np.stack([drawn[4].hint, drawn[6].hint]))
-    assert np.array_equal(found.position, np.stack([drawn[4].position, drawn[6].position]))
+    for place, one in enumerate((drawn[4], drawn[6])):
+        assert np.array_equal(found.obstacles.position[place], one.obstacles.position)
 
 
 def test_only_missing_shards_are_made(demonstrations, tmp_path, monkeypatch):
