@@ -28,7 +28,7 @@ def installed(group: str = GROUP) -> dict[str, importlib.metadata.EntryPoint]:
 
 
 def find(
-    path: str, meant: str = "a class, or a function that makes a policy,"
+    path: str, meant: str = "a class, or a function that makes a policy"
 ) -> Callable[..., Any]:
     """What stands at an import path: `meant` in words, such as a class.
 

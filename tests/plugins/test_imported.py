@@ -95,7 +95,7 @@ def test_an_import_path_makes_a_policy(here):
         ("./own_policies.py:Fine", "expected package.module:ClassName"),
         ("own_policies:Fin", "its classes: Fine, NoAct"),
         ("own_policies:", "its classes: Fine, NoAct"),
-        ("own_policies:limit", "limit is of type int"),
+        ("own_policies:limit", "got limit of type int"),
         ("own_policies:NoAct", "no method act(observation)"),
         ("own_policies:NoInit", "no method reset(observation), or init(observation)"),
         ("own_policies:Neither", "neither reset and act"),
