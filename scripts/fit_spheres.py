@@ -3,7 +3,7 @@
     python scripts/fit_spheres.py [FOLDER]
 
 FOLDER holds panda_collision.xml or panda.xml and its assets; without it the meshes are looked for
-where `drpbench.robot.find_mesh_model` looks. Writes spheres.json and surface.json into
+where `PANDA.meshes.find` looks. Writes spheres.json and surface.json into
 drpbench/robot/arms/panda. Deterministic on one machine: every random draw is seeded.
 
 Three steps a link. A sphere centred at c may have radius E - sdf(c), where E is the excess the
@@ -360,7 +360,9 @@ def write_rows(path: Path, rows: dict[str, list]) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", nargs="?", type=Path, help="default: where find_mesh_model looks")
+    parser.add_argument(
+        "folder", nargs="?", type=Path, help="default: where PANDA.meshes.find looks"
+    )
     parser.add_argument(
         "--links",
         nargs="*",

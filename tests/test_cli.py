@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from drpbench.robot import NO_MESHES, find_mesh_model
+from drpbench.robot import PANDA
 
 RUN = ["run", "--task", "FDO", "--policy", "hold", "--problems", "0-5", "--batch-size", "2"]
 COMPILES = 400  # [s] generous: compiling takes most of it
@@ -171,7 +171,7 @@ def test_trajectories_lie_beside_the_result(finished):
     assert not (folder / "whole.trajectories").exists()
 
 
-@pytest.mark.skipif(find_mesh_model() is None, reason=NO_MESHES)
+@pytest.mark.skipif(PANDA.meshes.find() is None, reason=PANDA.meshes.absent)
 def test_the_referee_finds_the_trajectories_of_a_compressed_result(finished, tmp_path):
     folder, _ = finished
     packed = gzip.compress((folder / "whole.json").read_bytes())

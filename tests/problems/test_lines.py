@@ -11,7 +11,7 @@ from drpbench.envs import TASKS, World
 from drpbench.problems import ProblemSetError, export_lines, load_set
 from drpbench.problems.lines import FORMAT
 from drpbench.robot import PANDA, arm
-from drpbench.rollout.batch import instance_key
+from drpbench.rollout import instance_key
 
 HEADER = {"format": FORMAT, "name": "mine", "tasks": ["SE"]}
 HOME = PANDA.home.round(3).tolist()
