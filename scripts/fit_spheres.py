@@ -360,9 +360,7 @@ def write_rows(path: Path, rows: dict[str, list]) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "folder", nargs="?", type=Path, help="default: where PANDA.meshes.find looks"
-    )
+    parser.add_argument("folder", nargs="?", type=Path, help="default: where PANDA.meshes looks")
     parser.add_argument(
         "--links",
         nargs="*",
