@@ -115,9 +115,8 @@ def _told(found: "Verification") -> list[str]:
         lines += [f"made elsewhere: {line}" for line in found.elsewhere]
         lines.append(
             "The same build of the program gives the same rows to the bit. Another one "
-            "(another jax, "
-            "processor or version) rounds differently in the seventh digit, and an arm that "
-            "skirts obstacles "
-            "amplifies it: between two builds, 3 of 200 FDO successes of rmp changed sides."
+            "(another jax, processor or version) rounds differently in the seventh digit, and an "
+            "arm that skirts obstacles amplifies it: between two builds, 3 of 200 FDO successes of "
+            "rmp changed sides."
         )
     return lines

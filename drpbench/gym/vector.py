@@ -73,7 +73,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.single_action_space = action_space(world.robot)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._problems = source(problems, world)
+        self._problems = source(problem_set if problems == "frozen" else problems, world)
         self._lanes = Lanes(world, num_envs, run_seed, self._problems.stream)
         self._ids: list[int] = []
 

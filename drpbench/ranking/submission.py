@@ -113,9 +113,10 @@ def _contradiction(row: Row, robot: Robot) -> str | None:
         return "min_clearance must be below zero exactly where collided is true"
     if row.time_to_goal is not None and not 0.0 < row.time_to_goal <= last * (1 + _ROUNDED):
         return f"time_to_goal is {row.time_to_goal} s of {last:.1f} s"
-    conditional = [name for name, task in TASKS.items() if task.conditional]
-    if not row.valid and row.task not in conditional:
-        return f"valid may be false only in {', '.join(conditional)}"
+    if not row.valid:
+        conditional = [name for name, task in TASKS.items() if task.conditional]
+        if row.task not in conditional:
+            return f"valid may be false only in {', '.join(conditional)}"
     if row.status == "ok":
         for name, limit in (("reached", REACH_POSITION), ("reached_5cm", REACH_POSITION_LOOSE)):
             if (within := _within(row, limit)) is not None and within != getattr(row, name):
