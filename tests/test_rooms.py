@@ -13,7 +13,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "robot": set(),
     "contract": {"geometry", "robot"},
     "planning": {"geometry", "robot", "contract"},
-    "problems": {"geometry", "robot", "contract"},
+    "problems": {"geometry", "robot", "contract", "planning"},
     "generation": {"geometry", "robot", "contract", "planning", "problems"},
     "perception": {"geometry", "robot", "contract"},
     "envs": {"geometry", "robot", "contract", "perception"},

@@ -106,5 +106,4 @@ def toy_arm(folder):
         servo_lag=0.05,
         self_collision_blocks=(((0, 1), (3, 4, 5)),),
         forearm=3,
-        base_radius=0.1,
     )

@@ -2,6 +2,7 @@
 physics."""
 
 from .episode import EPISODE as EPISODE
+from .episode import PROTOCOL as PROTOCOL
 from .episode import Episode as Episode
 from .host_policy import HostObservation as HostObservation
 from .host_policy import HostPolicy as HostPolicy
@@ -17,6 +18,7 @@ from .observation import observation_spec as observation_spec
 from .policy import OF_THE_WORLD as OF_THE_WORLD
 from .policy import Policy as Policy
 from .policy import Scalar as Scalar
+from .problem import WAY_POINTS as WAY_POINTS
 from .problem import Problem as Problem
 from .sensor import Sensor as Sensor
 from .verdict import REACH_ORIENTATION as REACH_ORIENTATION

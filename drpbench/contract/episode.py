@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+PROTOCOL = 2
+"""Version of what a score means, see docs/protocol.md; rows of two versions are not compared."""
 PROTOCOL_RATE = 60.0  # [Hz]; the tasks' times and speeds are given in control steps of this rate
 
 

@@ -4,7 +4,6 @@ from .arm import Arm as Arm
 from .contact import Contact as Contact
 from .contact import contact as contact
 from .tasks import TASKS as TASKS
-from .tasks import RehearsedTask as RehearsedTask
 from .tasks import Task as Task
 from .world import Events as Events
 from .world import State as State

@@ -18,8 +18,7 @@ class Arm:
     centers: Float[Array, "*batch S 3"]
     radii: Float[Array, "*batch S"]
     grip_position: Float[Array, "*batch 3"]
-    base_radius: float = field(default=PANDA.base_radius, metadata={"static": True})
-    """[m] about the base's axis within which the arm cannot step aside."""
+    robot: Robot = field(default=PANDA, metadata={"static": True})
 
     @classmethod
     def of(cls, robot: Robot, joint_position: Float[Array, " J"]) -> "Arm":
@@ -30,5 +29,5 @@ class Arm:
             spheres.world(poses),
             jnp.asarray(spheres.radius),
             robot.grip_pose(poses)[0],
-            robot.base_radius,
+            robot,
         )

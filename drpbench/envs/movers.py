@@ -8,7 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from drpbench.contract import Movers
-from drpbench.geometry import BOX, Primitives, quaternion_to_matrix, signed_distance
+from drpbench.geometry import BOX, FAR, Primitives, quaternion_to_matrix, signed_distance
+from drpbench.robot import Robot
 
 from .arm import Arm
 from .random import quickly_compiled
@@ -91,7 +92,7 @@ def drifting_box(
     key: PRNGKeyArray,
     longest: Float[Array, ""] | float,
     place: Callable[[PRNGKeyArray], Float[Array, "3"]],
-    excess: Callable[[Float[Array, "3"], Float[Array, ""]], Float[Array, ""]],
+    excess: Callable[[Float[Array, "3"]], Float[Array, ""]],
     target: Float[Array, "3"],
     deviation: float,
     arm: Arm,
@@ -99,16 +100,15 @@ def drifting_box(
 ) -> Movers:
     """One box with edges of 0.1 m to `longest` [m], 1 cm clear of the arm, on its way to `target`.
 
-    `place` draws where it is born; `excess` of a position and the base column's radius says how far
-    [m] that is outside of where it may be; `deviation` and `pace` are `random_heading`'s.
+    `place` draws where it is born; `excess` of a position says how far [m] that is outside of where
+    it may be; `deviation` and `pace` are `random_heading`'s.
     """
     keys = jax.random.split(quickly_compiled(key), 4)
     half_size = jax.random.uniform(keys[0], (3,), minval=0.05, maxval=longest / 2)
     rotation = random_rotation(keys[1])
-    column = base_column_radius(half_size, arm.base_radius)
     position = first_clear(
         place,
-        lambda p: excess(p, column) <= 0.0,
+        lambda p: excess(p) <= 0.0,
         keys[2],
         0.01,
         half_size,
@@ -120,26 +120,37 @@ def drifting_box(
     return Movers(half_size, rotation, position, velocity, jnp.bool_(True))
 
 
-def base_column_radius(
-    half_size: Float[Array, "*boxes 3"], base_radius: float
-) -> Float[Array, "*boxes"]:
-    """How near [m] to the base's axis a drifting box's centre may come, in the xy plane.
+def depth_in_core(
+    half_size: Float[Array, "3"],
+    rotation: Float[Array, "3 3"],
+    position: Float[Array, "3"],
+    robot: Robot,
+) -> Float[Array, ""]:
+    """How deep [m] a box is in the arm's `immovable_core`, negative outside: a box in there is a
+    collision that no policy can avoid."""
+    centers, radii = robot.immovable_core
+    if not len(radii):
+        return jnp.float32(-FAR)
+    return -clearance_of_box(
+        half_size, rotation, position, jnp.asarray(centers), jnp.asarray(radii)
+    )
 
-    0.25 m, or so far that the box's bounding sphere stays off what is within `base_radius` [m] of
-    the axis: that part of the arm cannot step aside, and a problem must not be lost before it
-    begins.
-    """
-    return jnp.maximum(0.25, base_radius + jnp.linalg.norm(half_size, axis=-1))
 
-
-def drift(movers: Movers, excess: Callable[[Float[Array, "M 3"]], Float[Array, " M"]]) -> Movers:
+def drift(
+    movers: Movers, excess: Callable[[Float[Array, "M 3"]], Float[Array, " M"]], robot: Robot
+) -> Movers:
     """One control step of straight motion. `excess` [m] is how far a box's centre is where it may
     not be.
 
-    A box turns back instead of going deeper.
+    A box turns back instead of going deeper; before the arm's immovable core too.
     """
+
+    def beyond(position: Float[Array, "M 3"]) -> Float[Array, " M"]:
+        depth = jax.vmap(lambda h, r, p: depth_in_core(h, r, p, robot))
+        return jnp.maximum(excess(position), depth(movers.half_size, movers.rotation, position))
+
     ahead = movers.position + movers.velocity
-    turns = (excess(ahead) > 0.0) & (excess(ahead) > excess(movers.position))
+    turns = (beyond(ahead) > 0.0) & (beyond(ahead) > beyond(movers.position))
     turns = turns[:, None]
     return replace(
         movers,

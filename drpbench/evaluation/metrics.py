@@ -75,6 +75,12 @@ def _row(id: int, family: str, trace: Trace, verdict: Verdict, b: int) -> Row:
     if reached_at_end:
         away = np.nonzero(~at_goal)[0]
         time_to_goal = _number(((away[-1] + 1 if away.size else 0) + 1) * period)
+    at_goal_early = success_early = None
+    if removal := trace.world.task.removal:
+        last = trace.world.episode.steps - trace.world.episode.lasting(removal)
+        met = at_goal[:last]
+        at_goal_early = _number(met.sum() * period)
+        success_early = finite and bool(met[-1]) and not (first is not None and first < last)
     link = robot.moving_spheres.link
     return Row(
         id=int(id),
@@ -99,6 +105,8 @@ def _row(id: int, family: str, trace: Trace, verdict: Verdict, b: int) -> Row:
         sparc_joint=_smoothness(joint_steps / period, period, finite),
         sparc_ee=_smoothness(grip_steps / period, period, finite),
         joint_limit_violation=bool((beyond > LIMIT_TOLERANCE).any()),
+        time_at_goal_before_removal=at_goal_early,
+        success_before_removal=success_early,
         status=trace.failure or ("ok" if finite else "nan"),
         valid=bool(verdict.valid),
     )

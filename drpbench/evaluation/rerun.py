@@ -4,6 +4,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from drpbench.contract import PROTOCOL
 from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.host import TIME_LIMIT
 from drpbench.plugins.registry import choose
@@ -40,6 +41,11 @@ def rerun(
             problems are not those that it was made on.
         PolicyError, WeightsError: it cannot be had at all, or is lost on the way.
     """
+    if header.protocol != PROTOCOL:
+        raise ResultsError(
+            f"{name}: expected a run of protocol {PROTOCOL}, got protocol {header.protocol}; "
+            "this drpbench cannot run it again as it was"
+        )
     chosen = set_of(name, header, problem_set)
     with tempfile.TemporaryDirectory(prefix="drpbench-") as folder:
         request = Request(

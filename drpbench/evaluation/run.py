@@ -11,7 +11,7 @@ from pathlib import Path
 import jax
 
 from drpbench import __version__
-from drpbench.contract import Policy
+from drpbench.contract import PROTOCOL, Policy
 from drpbench.envs import TASKS, World
 from drpbench.perception import SurfaceCloud
 from drpbench.plugins.errors import PolicyError
@@ -21,7 +21,6 @@ from drpbench.problems import ProblemSet, ProblemSetError, load_set
 from drpbench.results import Header, Journal, Result
 from drpbench.results.trajectories import Trajectories
 from drpbench.rollout import LANES, Rollout, Trace
-from drpbench.rollout.rehearsal import passes
 
 from .metrics import rows as rows_of
 from .progress import RunProgress
@@ -100,6 +99,7 @@ def run(request: Request, progress: RunProgress) -> Result:
     for task, ids in request.problems.items():
         chosen.task(task).require(ids or ())
     header = Header(
+        protocol=PROTOCOL,
         policy=request.policy,
         policy_parameters={**choice.parameters},
         privileged=policy.privileged,
@@ -148,8 +148,7 @@ def _run_task(
     problems = request.problem_set.task(task)
     left = [id for id in wanted if (task, id) not in journal.done]
     batches = list(_batches(left, request.batch_size))
-    per_batch = world.episode.steps * passes(world.task)
-    progress.begin(task, len(batches) * per_batch, len(wanted) - len(left))
+    progress.begin(task, len(batches) * world.episode.steps, len(wanted) - len(left))
     lanes = max(LANES, request.batch_size)
     rollout = Rollout(world, policy, request.seed, lanes)
     for ids in batches:

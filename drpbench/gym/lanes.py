@@ -17,7 +17,6 @@ from drpbench.compile import jit
 from drpbench.contract import Observation, Problem, Verdict
 from drpbench.envs import State, World
 from drpbench.rollout import step as one_world
-from drpbench.rollout.rehearsal import Rehearsal
 
 
 @jax.tree_util.register_dataclass
@@ -44,7 +43,6 @@ class Lanes:
     def __init__(self, world: World, count: int, seed: int, stream: int):
         self.world, self.count, self._seed, self._stream = world, count, seed, stream
         self.clock = world.episode.steps  # as after an episode: nothing to step yet
-        self._rehearsal: Rehearsal | None = None
         self._state: State
         self._verdict: Verdict
 
@@ -53,47 +51,23 @@ class Lanes:
         """Whether there is no step to take: no episode was begun, or its last step was taken."""
         return self.clock >= self.world.episode.steps
 
-    @property
-    def rehearsing(self) -> bool:
-        """Whether the pass begun last is a rehearsal."""
-        return self._rehearsal is not None and self._rehearsal.on
-
-    @property
-    def rehearsed(self) -> bool:
-        """Whether the episode that ended was a rehearsal, so that `second_pass` comes next."""
-        return self.rehearsing and self.over
-
     def begin(self, problems: Problem) -> Observation:
-        """The first observation of new problems, one a lane. Of SAO, a rehearsal begins."""
-        first = _reset(self.world, self._seed, problems, self._stream)
-        self._rehearsal = Rehearsal(self.world, first)
-        return self._start(first)
-
-    def second_pass(self) -> Observation:
-        """The same problems again, now with a box on the path that the rehearsal took.
-
-        RuntimeError where no rehearsal ended.
-        """
-        if self._rehearsal is None or not self.rehearsed:
-            raise RuntimeError("no rehearsal ended, so that no second pass can begin")
-        return self._start(self._rehearsal.end())
+        """The first observation of new problems, one a lane."""
+        self._state = _reset(self.world, self._seed, problems, self._stream)
+        self.clock, self._verdict = 0, Verdict.begin((self.count,))
+        return _observe(self.world, self._state)
 
     def step(self, targets: Float[np.ndarray, "lanes J"]) -> tuple[Observation, Outcome]:
         """One control step towards joint targets [rad]; RuntimeError where none is left."""
-        if self.over or self._rehearsal is None:
+        if self.over:
             raise RuntimeError(
                 "no episode to step: the last one is over, or none was begun; reset()"
             )
-        self._state, self._verdict, grip, observation, outcome = _step(
+        self._state, self._verdict, observation, outcome = _step(
             self.world, self._state, self._verdict, targets, jnp.int32(self.clock)
         )
-        self._rehearsal.note(grip)
         self.clock += 1
         return observation, outcome
-
-    def _start(self, first: State) -> Observation:
-        self.clock, self._state, self._verdict = 0, first, Verdict.begin((self.count,))
-        return _observe(self.world, first)
 
 
 # One program a world for all lanes of a process: an environment to train in and one to look at the
@@ -117,7 +91,7 @@ def _step(
     verdict: Verdict,
     targets: Float[Array, "lanes J"],
     clock: Int[Array, ""],
-) -> tuple[State, Verdict, Float[Array, "lanes 3"], Observation, Outcome]:
+) -> tuple[State, Verdict, Observation, Outcome]:
     def step(state: State, verdict: Verdict, target: jax.Array) -> tuple[Any, ...]:
         state, record = one_world.apply(world, state, target, clock)
         verdict = verdict.after(record, world.task.valid(state.memory), clock)
@@ -127,6 +101,6 @@ def _step(
             orientation_error=record.orientation_error,
             verdict=verdict,
         )
-        return state, verdict, record.grip_position, world.observe(state), outcome
+        return state, verdict, world.observe(state), outcome
 
     return jax.vmap(step)(state, verdict, targets)

@@ -105,6 +105,7 @@ class Training:
             goal_position=position,
             goal_quaternion=quaternion,
             obstacles=stacked([one.obstacles for one in drawn]).primitives(),
+            witness=np.stack([one.hint for one in drawn]),
         )
 
     def _unobstructed(self, id: int) -> Any:  # Drawn, which is heavy to import

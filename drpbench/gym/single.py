@@ -38,8 +38,6 @@ class SingleEnv(gymnasium.Env):
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         """Begins an episode. `options={"id": 17}` names its problem, else `seed` sets the order.
 
-        After a rehearsal of SAO, a reset without seed and id begins the second pass.
-
         Raises:
             ValueError: an option is unknown, or names no problem.
         """

@@ -87,9 +87,6 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             options: `{"id": [...]}` names the problem of each lane. `{"reset_mask": [...]}` may
                 only be true everywhere, for all lanes' episodes begin and end together.
 
-        After a rehearsal of SAO, a reset without seed and id begins the second pass: the same
-        problems, now with a box on the path taken.
-
         Raises:
             ValueError: an option is unknown, or names no problem.
         """
@@ -97,11 +94,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         ids = self._asked_for(options or {})
         if seed is not None:
             self._problems.restart()
-        if ids is None and seed is None and self._lanes.rehearsed:
-            observation = self._lanes.second_pass()
-        else:
-            self._ids = self._problems.draw(self.np_random, self.num_envs) if ids is None else ids
-            observation = self._lanes.begin(self._problems.take(self._ids))
+        self._ids = self._problems.draw(self.np_random, self.num_envs) if ids is None else ids
+        observation = self._lanes.begin(self._problems.take(self._ids))
         return as_dict(observation), self._info()
 
     def step(
@@ -148,10 +142,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def _info(self, outcome: Outcome | None = None) -> dict[str, Any]:
         """As Gymnasium has it: an array a key, and beside it which lanes have that key."""
-        info = {
-            "id": np.array(self._ids),
-            "rehearsal": np.full(self.num_envs, self._lanes.rehearsing),
-        }
+        info = {"id": np.array(self._ids)}
         if outcome is not None:
             info |= {name: np.array(getattr(outcome, name)) for name in _MEASURES}
             info |= {name: np.array(getattr(outcome.verdict, name)) for name in _VERDICT}

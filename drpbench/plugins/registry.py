@@ -15,7 +15,7 @@ from drpbench.contract import (
     Policy,
     observation_spec,
 )
-from drpbench.policies import DcpRmp, Hold, Straight
+from drpbench.policies import DcpRmp, FoldAndWait, Hold, Straight
 from drpbench.robot import PANDA, Robot
 
 from .arguments import accepted, read, settings
@@ -70,7 +70,8 @@ POLICIES: dict[str, tuple[Callable[..., Policy], str]] = {
     "impact-pretrained": (_pretrained, "the same before it learned from corrections"),
     "rmp": (Rmp, "Riemannian motion policies from the point cloud alone"),
     "straight": (Straight, "the straight line in joint space, blind to the scene"),
-    "hold": (Hold, "stays where it is: the floor of every task"),
+    "fold-and-wait": (FoldAndWait, "folds away, waits until the boxes are gone, and goes straight"),
+    "hold": (Hold, "stays where it is"),
 }
 FROM_FILE: dict[str, Callable[..., Policy]] = {"drp": _drp, "impact": _impact}
 """Those that take weights of the user's: `impact:runs/mine/weights.safetensors`."""

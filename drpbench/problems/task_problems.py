@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drpbench.contract import Problem
+from drpbench.contract import WAY_POINTS, Problem
 from drpbench.errors import DrpbenchError
 from drpbench.geometry import Obstacles
+from drpbench.planning import polyline
 
 
 class ProblemSetError(DrpbenchError):
@@ -62,4 +63,14 @@ class TaskProblems:
             goal_position=self.goal_position[index].astype(np.float32),
             goal_quaternion=self.goal_quaternion[index].astype(np.float32),
             obstacles=self.obstacles[index].primitives(),
+            witness=np.stack([self._way(id) for id in index]) if len(index) else None,
         )
+
+    def _way(self, id: int) -> np.ndarray:
+        """`WAY_POINTS` configurations (W, J) [rad] along the witness, at even steps of the joint
+        that turns most; along the straight line where none is known."""
+        path = np.asarray(self.witness[id], float)
+        if not len(path):
+            path = np.stack([self.start[id], self.goal[id]]).astype(float)
+        steps = np.abs(np.diff(path, axis=0)).max(axis=1, initial=0.0)
+        return polyline.evenly_on_host(path, steps, WAY_POINTS).astype(np.float32)

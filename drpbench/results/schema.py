@@ -61,6 +61,9 @@ class Header(_Record):
     schema_version: Literal[1] = Field(
         default=SCHEMA_VERSION, description="version of this file format"
     )
+    protocol: PositiveInt = Field(
+        default=1, description="version of the protocol, which says what a score means"
+    )
     policy: Name = Field(description="name of the policy, as given to `drpbench run --policy`")
     policy_parameters: dict[str, Scalar | list[Scalar]] = Field(
         description="the policy's parameters by name"
@@ -133,11 +136,21 @@ class Row(_Record):
     sparc_joint: float | None = Field(description="spectral arc length of the joint speed")
     sparc_ee: float | None = Field(description="spectral arc length of the hand's speed")
     joint_limit_violation: bool
+    time_at_goal_before_removal: NonNegativeFloat | None = Field(
+        default=None,
+        description="time at the goal (1 cm, 15 degrees) while boxes were still to be met [s]; null"
+        " where none ever vanish",
+    )
+    success_before_removal: bool | None = Field(
+        default=None,
+        description="at the goal at the last step before the boxes vanish, without a collision so"
+        " far; null where none ever vanish",
+    )
     status: Name = Field(
         default="ok", description="ok, or why the instance failed to run: nan, ..."
     )
     valid: bool = Field(
-        default=True, description="false keeps the row out of every rate (goal never blocked in GB)"
+        default=True, description="false keeps the row out of every rate (SAO, GB: no box came)"
     )
 
     @model_validator(mode="after")

@@ -81,8 +81,6 @@ class Robot:
     block is the one that planners keep room in."""
     forearm: int
     """The first frame beyond the elbow: from there on the arm feels its way."""
-    base_radius: float
-    """[m] about the base's axis within which the arm cannot step aside."""
     meshes: RealMeshes | None = None
     figure: Callable[[], tuple[Solid, ...]] | None = None
     """The arm as solids, to be drawn; without it its collision spheres are."""
@@ -159,6 +157,22 @@ class Robot:
     def moving_spheres(self) -> BodyPoints:
         """The spheres that a policy answers for: all but the immovable base's."""
         return self.spheres.part(self.spheres.frame > 0)
+
+    @cached_property
+    def immovable_core(self) -> tuple[np.ndarray, np.ndarray]:
+        """Where the first moving link is at every angle of its joint, as spheres about the joint's
+        axis: centres (K, 3) in the world frame and radii (K,), both [m].
+
+        A sphere of radius r at distance d from the axis always covers the ball of radius r - d
+        about its foot on the axis. No policy can move the arm out of there.
+        """
+        link = self.spheres.part(self.spheres.frame == 1)
+        radius = link.radius - np.hypot(link.local[:, 0], link.local[:, 1])
+        covers = radius > 0.0
+        twist = self.joint_twist[0]
+        axis = np.array([0.0, -np.sin(twist), np.cos(twist)])
+        centers = self.joint_offset[0] + link.local[covers, 2:] * axis
+        return centers.astype(np.float32), radius[covers].astype(np.float32)
 
     @cached_property
     def surface(self) -> BodyPoints:

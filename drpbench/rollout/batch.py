@@ -15,7 +15,6 @@ from drpbench.plugins.host import Hosted
 
 from . import step as one_world
 from .host import Advanced, Answers, host_pass
-from .rehearsal import in_passes
 from .step import Record
 
 LANES = 64
@@ -86,12 +85,10 @@ class Rollout:
         inside = policy.shown if isinstance(policy, Hosted) else policy
         first, carry, start_grip = begin(self.world, inside, self.seed, batch)
 
-        def play(state: State) -> tuple[Record, State]:
-            if answers is None:
-                return device_pass(self.world, inside, self.seed, state, carry, advanced)
-            return host_pass(self.world, answers, self.seed, state, carry, advanced)
-
-        records, last = in_passes(self.world, first, play)
+        if answers is None:
+            records, last = device_pass(self.world, inside, self.seed, first, carry, advanced)
+        else:
+            records, last = host_pass(self.world, answers, self.seed, first, carry, advanced)
         valid = jax.vmap(self.world.task.valid)
         return Trace(
             world=self.world,

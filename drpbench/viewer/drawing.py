@@ -75,7 +75,6 @@ class Drawing:
         self._goal: np.ndarray | None = None
         self._static = np.zeros((0, 3))
         self.cloud_shown, self.ghost_shown, self.reaction_shown = True, True, True
-        self.free = True
         """Whether things can be dragged."""
 
     def _furnish_the_room(self) -> None:
@@ -211,9 +210,8 @@ class Drawing:
             nonlocal grip
             if event.phase == "start":
                 grip = np.asarray(placed.position) - np.asarray(event.start_position)
-            if self.free:
-                place = np.asarray(event.end_position) + grip
-                self._dragged(what, index, place, event.phase == "end")
+            place = np.asarray(event.end_position) + grip
+            self._dragged(what, index, place, event.phase == "end")
 
     def put_handle(self, moment: Moment) -> None:
         """The goal's handle back to where the goal is."""

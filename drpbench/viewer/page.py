@@ -95,7 +95,7 @@ class Page:
         else:
             self._playing = False
             for _ in range(1 if what == "Step" else 10):
-                self._step()
+                self._simulation.step()
 
     def _on_speed(self, speed: float) -> None:
         self._speed = float(speed)
@@ -112,8 +112,6 @@ class Page:
         self._note = ""
         if remove:
             self._simulation.remove_boxes()
-        elif self._simulation.rehearsing:
-            self._note = "A box can be added once the rehearsal is over."
         elif self._simulation.add_box() is None:
             self._note = "There is no room for another box."
         self._redraw()
@@ -131,8 +129,6 @@ class Page:
     def _on_goal(self, position: np.ndarray, quaternion: np.ndarray, let_go: bool) -> None:
         moved = self._simulation.move_goal(position, quaternion)
         self._note = "" if moved else NO_SOLUTION
-        if self._simulation.rehearsing:
-            self._note = "The goal can be moved once the rehearsal is over."
         if let_go and not moved:
             self._drawing.put_handle(self._simulation.look())
 
@@ -146,14 +142,7 @@ class Page:
         self._redraw()
 
     def _redraw(self) -> None:
-        self._drawing.free = not self._simulation.rehearsing
         self._drawing.begin(self._simulation.furniture, self._simulation.look())
-
-    def _step(self) -> None:
-        rehearsing = self._simulation.rehearsing
-        self._simulation.step()
-        if rehearsing and not self._simulation.rehearsing:
-            self._begin()
 
     def run(self) -> None:
         """Goes on until it is closed or interrupted."""
@@ -175,13 +164,10 @@ class Page:
             time.sleep(max(0.001, self._episode.period / 2 - (time.monotonic() - began)))
 
     def _play(self, now: float, passed: float) -> None:
-        """The control steps that are due, as far as there is time for them; a rehearsal as fast as
-        can be."""
+        """The control steps that are due, as far as there is time for them."""
         due = self._owed + passed * self._speed / self._episode.period
-        if self._simulation.rehearsing:
-            due = self._episode.steps
         while due >= 1.0 and time.monotonic() - now < _FRAME:
-            self._step()
+            self._simulation.step()
             due -= 1.0
             if self._simulation.clock == self._episode.steps and not self._stopped_at_end:
                 self._playing, self._stopped_at_end = False, True  # to let the verdict be read

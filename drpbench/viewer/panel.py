@@ -128,8 +128,6 @@ class Panel:
     def _word(self, simulation: Simulation, moment: Moment) -> tuple[str, str]:
         """The verdict line, and its colour."""
         verdict = simulation.verdict
-        if simulation.rehearsing:
-            return "Rehearsal: where would it go without the box?", _AMBER
         if simulation.failure:
             return f"The policy failed: {simulation.failure}", _RED
         if not verdict.finite:
@@ -141,7 +139,7 @@ class Panel:
             link = simulation.first_collision_link or "arm"
             touched = f"Contact of {named(link)} at {when:.2f} s"
         if over and not verdict.valid:
-            return f"Over, not counted: the goal was never blocked. {touched}", _AMBER
+            return f"Over, not counted: no box appeared. {touched}", _AMBER
         at_goal = verdict.reached if over else moment.reached
         reached = "at the goal" if at_goal else "not at the goal"
         if over:

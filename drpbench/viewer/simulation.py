@@ -25,7 +25,6 @@ from drpbench.rollout import instance_key
 from drpbench.rollout import step as one_world
 from drpbench.rollout.host import Answers
 from drpbench.rollout.keys import WORLD
-from drpbench.rollout.rehearsal import Rehearsal
 from drpbench.rollout.step import Record
 
 from .furniture import Furniture, with_room
@@ -55,7 +54,7 @@ class Simulation:
         self.id = 0
 
     def open(self, id: int) -> None:
-        """Begins the episode of a problem. In a task with a rehearsal (SAO), with that.
+        """Begins the episode of a problem.
 
         Raises ProblemSetError for a number that is not there.
         """
@@ -64,10 +63,9 @@ class Simulation:
         problem = with_room(
             jax.tree.map(lambda leaf: np.asarray(leaf)[0, ...], self.problems.take([id]))
         )
-        first, self._first_carry, self._first_seen = _begin(
+        self._first, self._first_carry, self._first_seen = _begin(
             self.world, self._policy, self.seed, problem
         )
-        self._rehearsal = Rehearsal(self.world, first)
         self._begin()
 
     def compile(self, id: int) -> Iterator[str]:
@@ -84,18 +82,11 @@ class Simulation:
         self.open(id)
 
     def reset(self) -> None:
-        """The same problem from its start, as it was; a rehearsal that is done is not done
-        again."""
-        self._rehearsal.restart()
+        """The same problem from its start, as it was."""
         self._begin()
 
-    @property
-    def rehearsing(self) -> bool:
-        """Whether this is SAO's first pass, which is not judged."""
-        return self._rehearsal.on
-
     def _begin(self) -> None:
-        self._state, self._carry = self._rehearsal.first, self._first_carry
+        self._state, self._carry = self._first, self._first_carry
         key = instance_key(self.seed, self.task.name, self.id, WORLD)
         self.furniture = Furniture(self._state, key)
         self.clock, self.edited = 0, False
@@ -117,8 +108,7 @@ class Simulation:
     # -- the course of time --
 
     def step(self) -> None:
-        """One control step, 1/60 s; what is being dragged follows. A rehearsal ends in a new
-        beginning."""
+        """One control step, 1/60 s; what is being dragged follows."""
         world, robot, clock = self.world, self.world.robot, np.int32(self.clock)
         if self._answers:
             shown, self._carry = _show(
@@ -138,12 +128,8 @@ class Simulation:
             self._judge(step, clock)
         # Last, so that what is seen now is what the policy will be shown.
         self._follow(FOLLOW_SPEED * world.episode.period)
-        if self.rehearsing and self.clock == world.episode.steps:
-            self._rehearsal.end()
-            self._begin()
 
     def _judge(self, step: Record, clock: np.int32) -> None:
-        self._rehearsal.note(np.asarray(step.grip_position))
         valid = np.bool_(self.task.valid(self._state.memory))
         self.verdict = self.verdict.after(step, valid, clock)
         if self.verdict.first_collision_step == clock:
@@ -157,7 +143,7 @@ class Simulation:
         """Puts a "piece" of the furniture, or a "box" of the task's own, at a position [m]; or lets
         it follow with time. A box that drifts is held there while `hold`, and drifts on from there.
         """
-        if self.rehearsing or not self._movable(what)[index]:
+        if not self._movable(what)[index]:
             return
         self._wanted[what, index] = (np.asarray(position, np.float32), hold)
         self.edited = True
@@ -188,8 +174,6 @@ class Simulation:
     def add_box(self) -> int | None:
         """An upright cube more, of 12 cm, away from the arm and its goal: its piece, or None where
         there are enough."""
-        if self.rehearsing:
-            return None
         there = self.furniture.position[self.furniture.added][
             self.furniture.present[self.furniture.added]
         ]
@@ -216,8 +200,6 @@ class Simulation:
 
         Of the solutions that touch no furniture, the nearest to the goal there is.
         """
-        if self.rehearsing:
-            return False
         problem = self._state.problem
         place = jnp.asarray(position, jnp.float32)
         turn = jnp.asarray(quaternion / np.linalg.norm(quaternion), jnp.float32)

@@ -47,7 +47,7 @@ def test_every_task_is_registered():
 
 def test_values_are_plain(env):
     _, info = env.reset(options={"id": 17})
-    assert info == {"id": 17, "rehearsal": False}
+    assert info == {"id": 17}
     _, reward, terminated, truncated, info = env.step(env.action_space.sample())
     assert (reward, terminated, truncated) == (0.0, False, False)
     assert {type(value) for value in info.values()} == {bool, float, int}

@@ -102,18 +102,6 @@ def test_a_step_after_the_last_one_is_refused_until_a_reset():
     envs.step(observation["joint_position"])
 
 
-def test_the_appearing_obstacle_stands_on_the_path_of_the_rehearsal():
-    rows = shipped("SAO", 1)
-    envs = gymnasium.make_vec("drpbench/SAO-v1", num_envs=2)
-    _, _, _, info = driven(envs, [row.id for row in rows])
-    assert info["rehearsal"].all()
-    outcome = driven(envs)
-    assert not outcome[3]["rehearsal"].any()
-    same_outcome(rows, outcome)
-    _, info = envs.reset()
-    assert info["rehearsal"].all() and set(info["id"]).isdisjoint(row.id for row in rows)
-
-
 def test_problems_come_once_each_in_an_order_that_the_seed_sets(envs):
     def served(seed, rounds):
         ids = [envs.reset(seed=seed)[1]["id"]]

@@ -73,5 +73,4 @@ def small_arm(folder: Path, blocks=(((0, 1), (4, 5)),)) -> Robot:
         servo_lag=0.05,
         self_collision_blocks=blocks,
         forearm=3,
-        base_radius=0.1,
     )

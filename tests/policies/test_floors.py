@@ -1,4 +1,4 @@
-"""The two floors: standing still, and the straight line."""
+"""Trivial baselines: standing still, the straight line, waiting folded away."""
 
 from dataclasses import replace
 
@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from drpbench.compile import jit
-from drpbench.policies import Hold, Straight
+from drpbench.contract import EPISODE
+from drpbench.envs import TASKS
+from drpbench.policies import FoldAndWait, Hold, Straight
+from drpbench.policies.floors import FOLDED
 from drpbench.robot import PANDA
 
-from ..scenes import observation, postures
+from ..scenes import bodies, observation, postures
 
 KEY = jax.random.key(0)
 
@@ -56,10 +59,30 @@ def test_straight_aims_at_the_goal_itself_once_it_is_near(act):
         np.testing.assert_allclose(target, goal, atol=1e-6)
 
 
-def test_neither_sees_the_scene(act):
+def test_none_of_them_sees_the_scene(act):
     q = postures(2)
     empty = observation(q[0], q[1])
     crowded = replace(empty, scene_points=empty.scene_points + 0.3, scene_mask=~empty.scene_mask)
-    for policy in (Hold(), Straight()):
+    for policy in (Hold(), Straight(), FoldAndWait()):
         found = [act(policy, seen, policy.init(seen))[0] for seen in (empty, crowded)]
         np.testing.assert_array_equal(*found)
+
+
+def test_it_waits_folded_until_every_box_is_gone_and_then_goes_straight(act):
+    policy, seen = FoldAndWait(), observation(*postures(2))
+    last = max(EPISODE.steps - task.removal for task in TASKS.values() if task.removal)
+    assert last * EPISODE.period == pytest.approx(policy.wait)
+    away, _ = act(policy, seen, np.int32(last - 1))
+    folding, _ = act(Straight(1.0), replace(seen, goal_joints=FOLDED), ())
+    np.testing.assert_array_equal(away, folding)
+    target, carry = act(policy, seen, np.int32(last))
+    np.testing.assert_array_equal(target, act(Straight(1.0), seen, ())[0])
+    assert carry == last + 1
+
+
+def test_folded_it_is_behind_all_boxes_and_touches_nothing():
+    centers, _, _, apart = bodies(FOLDED)
+    radius = PANDA.moving_spheres.radius
+    assert apart[0] > 0.01 and (centers[0, :, 2] - radius).min() > 0.05
+    assert (centers[0, :, 0] + radius).max() < 0.08
+    assert (np.hypot(*centers[0, :, :2].T) + radius).max() < 0.28

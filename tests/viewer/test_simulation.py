@@ -10,7 +10,6 @@ from drpbench.contract import EPISODE
 from drpbench.envs import TASKS, World
 from drpbench.geometry import quaternion_to_matrix
 from drpbench.plugins.host import Hosted
-from drpbench.policies import Straight
 from drpbench.problems import ProblemSetError, load_set
 from drpbench.ranking import load_dir
 from drpbench.results.shipped import shipped_results
@@ -25,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 def finished(simulation, id):
     simulation.open(id)
-    while simulation.rehearsing or simulation.clock < EPISODE.steps:
+    while simulation.clock < EPISODE.steps:
         simulation.step()
     return simulation
 
@@ -54,21 +53,6 @@ def test_an_untouched_episode_ends_as_in_a_run(compiled):
     for id, row in zip(ids, found, strict=True):
         assert_the_same(finished(compiled, id), row)
         assert not compiled.edited
-
-
-def test_a_task_with_a_rehearsal_ends_as_in_a_run():
-    simulation = Simulation(World(TASKS["SAO"]), Straight(), load_set().task("SAO"))
-    ids = [0, 2, 3]
-    found = judged("straight", "SAO", ids)
-    assert {row.collided for row in found} == {True, False}
-    for id, row in zip(ids, found, strict=True):
-        assert_the_same(finished(simulation, id), row)
-    simulation.reset()  # the path is known, and nothing is rehearsed again
-    assert not simulation.rehearsing and simulation.clock == 0
-    simulation.open(0)
-    assert simulation.rehearsing
-    simulation.move("piece", 0, np.zeros(3))
-    assert simulation.add_box() is None and not simulation.edited
 
 
 def test_time_after_the_end_changes_no_verdict(compiled):

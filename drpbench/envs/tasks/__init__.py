@@ -5,7 +5,6 @@ from .dynamic_goal_blocking import DynamicGoalBlocking
 from .floating import Floating
 from .goal_blocking import GoalBlocking
 from .static import Static
-from .task import RehearsedTask as RehearsedTask
 from .task import Task as Task
 
 TASKS: dict[str, Task] = {

@@ -3,8 +3,8 @@
 The start is the goal configuration: the arm has to give way and come back. Birth: in the upper half
 of a shell of 0.5 to 0.6 m about the goal, at x >= 0.15 m, clear of the arm by 1 cm; one box, three
 on level 2. Motion: as in FDO, headed for the goal but for N(0, 0.01); a box turns back 1.0 m from
-the goal, at x = 0.15 m, and before the base up to 0.6 m of height. Removal: 300 steps before the
-end.
+the goal, at x = 0.15 m, 0.25 m from the base's axis up to 0.6 m of height, and before the core of
+the first link, which no policy can move aside. Removal: 300 steps before the end.
 """
 
 from dataclasses import dataclass, replace
@@ -17,27 +17,26 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from drpbench.contract import Episode, Movers, Problem
 
 from ..arm import Arm
-from ..movers import base_column_radius, drift, drifting_box, in_upper_shell
+from ..movers import drift, drifting_box, in_upper_shell
+from .task import Task
 
-_REMOVED = 300  # control steps at 60 Hz before the end
+_COLUMN = 0.25  # [m] about the base's axis
 
 
-def _excess(
-    position: Float[Array, "*boxes 3"], goal: Float[Array, "3"], column: Float[Array, "*boxes"]
-) -> Float[Array, "*boxes"]:
+def _excess(position: Float[Array, "*boxes 3"], goal: Float[Array, "3"]) -> Float[Array, "*boxes"]:
     """How far [m] a box's centre is outside the region it may drift in."""
     from_goal = jnp.linalg.norm(position - goal, axis=-1) - 1.0
-    into_column = column - jnp.linalg.norm(position[..., :2], axis=-1)
+    into_column = _COLUMN - jnp.linalg.norm(position[..., :2], axis=-1)
     into_column = jnp.minimum(into_column, 0.6 - position[..., 2])
     return jnp.maximum(jnp.maximum(from_goal, into_column), 0.15 - position[..., 0])
 
 
 @dataclass(frozen=True)
-class DynamicGoalBlocking:
+class DynamicGoalBlocking(Task):
     name: str = "DGB"
     title: str = "dynamic goal blocking"
     movers: int = 3
-    rehearsed: bool = False
+    removal: int = 300  # control steps at 60 Hz before the end
     starts_at_goal: bool = True
     conditional: bool = False
 
@@ -49,8 +48,8 @@ class DynamicGoalBlocking:
         def place(key: PRNGKeyArray) -> Float[Array, "3"]:
             return in_upper_shell(key, goal, 0.5, 0.6)
 
-        def excess(position: Float[Array, "3"], column: Float[Array, ""]) -> Float[Array, ""]:
-            return _excess(position, goal, column)
+        def excess(position: Float[Array, "3"]) -> Float[Array, ""]:
+            return _excess(position, goal)
 
         def born(key: PRNGKeyArray) -> Movers:
             return drifting_box(key, 0.3, place, excess, goal, 0.01, arm, episode.pace)
@@ -68,14 +67,10 @@ class DynamicGoalBlocking:
         clock: Int[Array, ""],
         episode: Episode,
     ) -> tuple[Movers, tuple[()]]:
-        column = base_column_radius(movers.half_size, arm.base_radius)
         goal = jnp.asarray(problem.goal_position)
-        movers = drift(movers, lambda position: _excess(position, goal, column))
-        removed = episode.steps - episode.lasting(_REMOVED)
+        movers = drift(movers, lambda position: _excess(position, goal), arm.robot)
+        removed = episode.steps - episode.lasting(self.removal)
         return replace(movers, active=movers.active & (clock < removed)), memory
-
-    def valid(self, memory: tuple[()]) -> Bool[Array, ""]:
-        return jnp.bool_(True)
 
     def training_level(
         self, number: Int[np.ndarray, " n"], furnished: Bool[np.ndarray, " n"]

@@ -3,7 +3,8 @@
 Birth: in the upper half of a shell of 0.8 to 1.0 m about (0.15, 0, 0.5), at x >= 0.1 m, clear of
 the arm by 1 cm. Motion: straight, 1 to 3 mm a control step (0.06 to 0.18 m/s), headed for the
 shell's centre but for a deviation of N(0, 0.2) on each axis; a box turns back 1.2 m from the
-centre, at x = 0.1 m, and before the base. Removal: 300 control steps before the end.
+centre, at x = 0.1 m, 0.25 m from the base's axis, and before the core of the first link, which no
+policy can move aside. Removal: 300 control steps before the end.
 """
 
 from dataclasses import dataclass, replace
@@ -11,32 +12,31 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from drpbench.contract import Episode, Movers, Problem
 
 from ..arm import Arm
-from ..movers import base_column_radius, drift, drifting_box, in_upper_shell
+from ..movers import drift, drifting_box, in_upper_shell
+from .task import Task
 
 _CENTER = np.array([0.15, 0.0, 0.5], np.float32)  # [m]
-_REMOVED = 300  # control steps at 60 Hz before the end
+_COLUMN = 0.25  # [m] about the base's axis
 
 
-def _excess(
-    position: Float[Array, "*boxes 3"], column: Float[Array, "*boxes"]
-) -> Float[Array, "*boxes"]:
+def _excess(position: Float[Array, "*boxes 3"]) -> Float[Array, "*boxes"]:
     """How far [m] a box's centre is outside the region it may drift in."""
     from_center = jnp.linalg.norm(position - _CENTER, axis=-1) - 1.2
-    from_base = column - jnp.linalg.norm(position[..., :2], axis=-1)
+    from_base = _COLUMN - jnp.linalg.norm(position[..., :2], axis=-1)
     return jnp.maximum(jnp.maximum(from_center, from_base), 0.1 - position[..., 0])
 
 
 @dataclass(frozen=True)
-class Floating:
+class Floating(Task):
     name: str = "FDO"
     title: str = "floating dynamic obstacles"
     movers: int = 3
-    rehearsed: bool = False
+    removal: int = 300  # control steps at 60 Hz before the end
     starts_at_goal: bool = False
     conditional: bool = False
 
@@ -65,15 +65,6 @@ class Floating:
         clock: Int[Array, ""],
         episode: Episode,
     ) -> tuple[Movers, tuple[()]]:
-        column = base_column_radius(movers.half_size, arm.base_radius)
-        movers = drift(movers, lambda position: _excess(position, column))
-        removed = episode.steps - episode.lasting(_REMOVED)
+        movers = drift(movers, _excess, arm.robot)
+        removed = episode.steps - episode.lasting(self.removal)
         return replace(movers, active=movers.active & (clock < removed)), memory
-
-    def valid(self, memory: tuple[()]) -> Bool[Array, ""]:
-        return jnp.bool_(True)
-
-    def training_level(
-        self, number: Int[np.ndarray, " n"], furnished: Bool[np.ndarray, " n"]
-    ) -> Int[np.ndarray, " n"]:
-        return np.where(furnished, 2, 1)

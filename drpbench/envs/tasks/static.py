@@ -2,21 +2,20 @@
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Bool, Int, PRNGKeyArray
+from jaxtyping import Array, Int, PRNGKeyArray
 
 from drpbench.contract import Episode, Movers, Problem, no_movers
 
 from ..arm import Arm
+from .task import Task
 
 
 @dataclass(frozen=True)
-class Static:
+class Static(Task):
     name: str = "SE"
     title: str = "static environment"
     movers: int = 0
-    rehearsed: bool = False
+    removal: int = 0
     starts_at_goal: bool = False
     conditional: bool = False
 
@@ -35,11 +34,3 @@ class Static:
         episode: Episode,
     ) -> tuple[Movers, tuple[()]]:
         return movers, memory
-
-    def valid(self, memory: tuple[()]) -> Bool[Array, ""]:
-        return jnp.bool_(True)
-
-    def training_level(
-        self, number: Int[np.ndarray, " n"], furnished: Bool[np.ndarray, " n"]
-    ) -> Int[np.ndarray, " n"]:
-        return np.where(furnished, 2, 1)

@@ -10,7 +10,7 @@ import pytest
 from drpbench.compile import jit
 from drpbench.contract import EPISODE
 from drpbench.envs import TASKS, Arm
-from drpbench.envs.movers import clearance_of_box
+from drpbench.envs.movers import clearance_of_box, depth_in_core
 from drpbench.robot import PANDA
 
 from ...scenes import batch, bodies, postures, problem
@@ -76,3 +76,23 @@ def rooms():
 
     compiled = jit(jax.vmap(room))
     return lambda movers, arms: np.asarray(compiled(movers, arms))
+
+
+@pytest.fixture(scope="session")
+def in_core():
+    """How deep [m] any box of an episode, positions (B, T, M, 3), comes into the arm's immovable
+    core; every fifth step is looked at."""
+
+    def deepest(half_size, rotation, positions):
+        def one(half, turn, places):
+            return jax.vmap(lambda place: depth_in_core(half, turn, place, PANDA))(places).max()
+
+        return jax.vmap(one, in_axes=(0, 0, 1))(half_size, rotation, positions)
+
+    compiled = jit(jax.vmap(deepest))
+
+    def run(born, position):
+        places = jnp.asarray(position[:, ::5], jnp.float32)
+        return np.asarray(compiled(born.half_size, born.rotation, places)).max()
+
+    return run

@@ -88,7 +88,6 @@ def _panda(finger_opening: float) -> Robot:
         # meshes stay apart.
         self_collision_blocks=(((0, 1, 2), (5, 6, 7, 8)), ((5,), (8,))),
         forearm=3,
-        base_radius=0.12,
         meshes=RealMeshes(
             find_mesh_model, partial(mesh_arm, finger_opening=finger_opening), NO_MESHES
         ),
