@@ -1,4 +1,4 @@
-"""The two floors, DCP-RMP, and the networks."""
+"""The trivial baselines, DCP-RMP, and the networks."""
 
 from . import leaves as leaves
 from .dcp_rmp import DcpRmp as DcpRmp

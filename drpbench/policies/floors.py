@@ -1,4 +1,4 @@
-"""Trivial baselines, blind to the scene: standing still, the straight line, and waiting folded away."""
+"""Trivial baselines, blind to the scene: hold still, drive straight, wait folded away."""
 
 from dataclasses import dataclass, field, replace
 

@@ -9,12 +9,14 @@ from drpbench.compile import jit
 from drpbench.contract import Movers, no_movers
 from drpbench.envs.movers import (
     clearance_of_box,
+    depth_in_core,
     drift,
     first_clear,
     in_upper_shell,
     random_heading,
     random_rotation,
 )
+from drpbench.robot import PANDA
 
 CUBE = jnp.full(3, 0.1)
 AHEAD = jnp.array([[0.5, 0.0, 0.0]])  # one sphere of 0.1 m
@@ -110,7 +112,7 @@ def test_where_none_has_room_the_one_with_most_is_taken(placed):
 
 def test_a_box_turns_back_at_the_border_and_not_before():
     box, trail = one_box([0.0, 0.0, 0.0], [0.003, 0.0, 0.0]), []
-    step = jit(lambda box: drift(box, lambda position: position[:, 0] - 0.01))
+    step = jit(lambda box: drift(box, lambda position: position[:, 0] - 0.01, PANDA))
     for _ in range(10):
         box = step(box)
         trail.append(float(box.position[0, 0]))
@@ -121,6 +123,16 @@ def test_a_box_turns_back_at_the_border_and_not_before():
 
 def test_a_box_that_is_beyond_the_border_may_come_back():
     box = one_box([0.05, 0.0, 0.0], [-0.003, 0.0, 0.0])
-    moved = drift(box, lambda position: position[:, 0] - 0.01)
+    moved = drift(box, lambda position: position[:, 0] - 0.01, PANDA)
     assert float(moved.position[0, 0]) == pytest.approx(0.047)
     np.testing.assert_array_equal(moved.velocity, box.velocity)
+
+
+def test_a_box_turns_back_before_what_the_arm_cannot_move_away():
+    box, depths = one_box([0.45, 0.02, 0.2], [-0.003, 0.0, 0.0]), []
+    step = jit(lambda box: drift(box, lambda position: jnp.full(len(position), -1.0), PANDA))
+    for _ in range(150):
+        box = step(box)
+        depths.append(float(depth_in_core(CUBE, jnp.eye(3), box.position[0], PANDA)))
+    assert -0.003 < max(depths) <= 0.0  # it comes within a step's length, and no nearer
+    assert float(box.velocity[0, 0]) == pytest.approx(0.003)

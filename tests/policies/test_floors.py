@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -73,7 +74,7 @@ def test_it_waits_folded_until_every_box_is_gone_and_then_goes_straight(act):
     last = max(EPISODE.steps - task.removal for task in TASKS.values() if task.removal)
     assert last * EPISODE.period == pytest.approx(policy.wait)
     away, _ = act(policy, seen, np.int32(last - 1))
-    folding, _ = act(Straight(1.0), replace(seen, goal_joints=FOLDED), ())
+    folding, _ = act(Straight(1.0), replace(seen, goal_joints=jnp.asarray(FOLDED)), ())
     np.testing.assert_array_equal(away, folding)
     target, carry = act(policy, seen, np.int32(last))
     np.testing.assert_array_equal(target, act(Straight(1.0), seen, ())[0])
