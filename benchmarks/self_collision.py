@@ -44,7 +44,9 @@ def main() -> None:
         for row in result.rows:
             if not row.valid:
                 continue
-            depth, pair = self_clearance(checker, recorded[f"{row.task}-{row.id}"]["joint_position"])
+            depth, pair = self_clearance(
+                checker, recorded[f"{row.task}-{row.id}"]["joint_position"]
+            )
             count = counts[result.header.policy, row.task]
             count["episodes"] += 1
             count["successes"] += row.success

@@ -11,6 +11,7 @@ import numpy as np
 
 from drpbench.contract import EPISODE
 from drpbench.ranking import Leaderboard, wilson
+from drpbench.ranking.depth import successes_by_depth
 from drpbench.results import Result, Row
 
 from .recordings import Instance, Kept, gallery
@@ -18,6 +19,7 @@ from .recordings import Instance, Kept, gallery
 TIMES = np.arange(0, EPISODE.steps + 1, 10) * EPISODE.period  # [s]
 CLEARANCES = np.arange(-6, 21) / 100  # [m] edges of bins; the outermost bins are open
 ERRORS = np.logspace(-4, 0, 81)  # [m]
+DEPTHS = np.logspace(-5, -1, 81)  # [m] allowed depth of a contact
 
 COLLIDED, LEFT, NOT_REACHED, FAILED = range(4)
 REASONS = ("collided", "left the goal", "not reached", "failed to run")
@@ -72,6 +74,7 @@ def figures(
         "times": [round(t, 4) for t in TIMES.tolist()],
         "clearances": CLEARANCES.tolist(),
         "errors": [float(f"{x:.5g}") for x in ERRORS.tolist()],
+        "depths": [float(f"{x:.5g}") for x in DEPTHS.tolist()],
         "cells": cells,
         "failures": failed,
         "gallery": gallery(files, instances, recordings, pictures),
@@ -85,7 +88,8 @@ def cell(rows: Sequence[Row]) -> dict:
         `n` rows; `success`: successes k, rows n and Wilson's 95 % interval of k/n; `families`: of
             each its name, and the same; `times`: successes that are at the goal to stay at each of
             TIMES; `clearances`: rows by smallest clearance, in one bin more than there are edges;
-            `errors`: rows with a final position error below each of ERRORS.
+            `errors`: rows with a final position error below each of ERRORS; `depths`: successes if
+            contacts as deep as each of DEPTHS were allowed.
     """
     families: dict[str, list[bool]] = {}
     for row in rows:
@@ -102,6 +106,7 @@ def cell(rows: Sequence[Row]) -> dict:
         "times": np.searchsorted(to_stay, TIMES + 0.1 * EPISODE.period, side="right").tolist(),
         "clearances": np.bincount(bins, minlength=len(CLEARANCES) + 1).tolist(),
         "errors": np.searchsorted(error, ERRORS, side="left").tolist(),
+        "depths": successes_by_depth(rows, DEPTHS).tolist(),
     }
 
 

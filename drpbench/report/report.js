@@ -195,6 +195,16 @@ function drawErrors(parent) {
   });
 }
 
+function drawDepths(parent) {
+  const ticks = [[1e-5, "0.01 mm"], [1e-4, "0.1 mm"], [1e-3, "1 mm"], [1e-2, "1 cm"], [1e-1, "10 cm"]];
+  const samples = [[1e-5, "0.01 mm"], [5e-5, "0.05 mm"], [1e-4, "0.1 mm"], [5e-4, "0.5 mm"],
+    [1e-3, "1 mm"], [3e-3, "3 mm"], [5e-3, "5 mm"], [1e-2, "1 cm"]];
+  drawCurves(parent, {
+    title: "Success against allowed depth of contact", list: "depths", grid: figures.depths,
+    place: Math.log10, ticks, marks: [5e-5], samples, unit: "allowed depth",
+  });
+}
+
 // ---- histograms of clearance
 
 function drawClearances(parent) {
@@ -402,7 +412,8 @@ function listFailures() {
 function redraw() {
   filterLeaderboard();
   for (const [id, draw] of Object.entries(
-    { bars: drawBars, times: drawTimes, clearances: drawClearances, errors: drawErrors })) {
+    { bars: drawBars, times: drawTimes, clearances: drawClearances, depths: drawDepths,
+      errors: drawErrors })) {
     at(id).textContent = "";
     draw(at(id));
   }

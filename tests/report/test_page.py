@@ -19,6 +19,7 @@ from drpbench.recording.container import MAGIC
 from drpbench.report.figures import (
     CLEARANCES,
     COLLIDED,
+    DEPTHS,
     ERRORS,
     FAILED,
     LEFT,
@@ -117,6 +118,9 @@ def test_the_figures_of_the_shipped_results_are_their_rows_counted_one_by_one(sh
             assert c["times"][j] == sum(step <= 10 * j for step in steps)
             assert c["errors"][j] == sum(
                 r.position_error is not None and r.position_error < ERRORS[j] for r in rows
+            )
+            assert c["depths"][j] == sum(
+                r.reached and (not r.collided or -r.min_clearance <= DEPTHS[j]) for r in rows
             )
         below_zero = sum(c["clearances"][: int(np.argmin(np.abs(CLEARANCES))) + 1])
         assert below_zero == sum(r.collided for r in rows)
