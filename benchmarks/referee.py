@@ -1,8 +1,10 @@
 """How often the benchmark's verdict and the real meshes in C MuJoCo agree, as Markdown.
 
     DRPBENCH_MESHES=FOLDER python benchmarks/referee.py [--problems 16] [--policies straight rmp]
+    DRPBENCH_MESHES=FOLDER python benchmarks/referee.py --results drp.json
 
-Runs each policy on problems spread over every task, with trajectories, and has them judged: by the
+Runs each policy on problems spread over every task, with trajectories, or takes results of
+`drpbench run --save-trajectories`, and has them judged: by the
 meshes, and by the benchmark's own spheres in C MuJoCo, which tells a difference of shape from one
 of engine.
 """
@@ -25,6 +27,7 @@ from drpbench.evaluation.referee import (
 )
 from drpbench.planning.checker import sphere_checker
 from drpbench.problems import load_set
+from drpbench.results import load
 from drpbench.results.names import trajectories_file
 from drpbench.results.trajectories import load_trajectories
 
@@ -46,10 +49,17 @@ def judged(policy: str, per_task: int, seed: int) -> tuple[list[Judgement], list
     }
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run.json"
-        request = Request(policy=policy, problems=ids, out=out, seed=seed, save_trajectories=True)
-        result = run(request, Quiet())
-        recorded = load_trajectories(trajectories_file(out))
-    spheres = sphere_checker(MARGIN)
+        run(
+            Request(policy=policy, problems=ids, out=out, seed=seed, save_trajectories=True),
+            Quiet(),
+        )
+        return judged_again(out)
+
+
+def judged_again(out: Path) -> tuple[list[Judgement], list[Judgement]]:
+    """A recorded run: judged by meshes, by spheres."""
+    result, recorded = load(out), load_trajectories(trajectories_file(out))
+    problem_set, spheres = load_set(), sphere_checker(MARGIN)
     by_spheres = [
         judge_episode(row, recorded[f"{row.task}-{row.id}"], problem_set.task(row.task), spheres)
         for row in result.rows
@@ -136,9 +146,13 @@ def main() -> None:
     parser.add_argument("--problems", type=int, default=16, help="of each task")
     parser.add_argument("--policies", nargs="+", default=["straight", "rmp"])
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--results", type=Path, nargs="+", help="instead of running policies")
     arguments = parser.parse_args()
     use_cache()
-    found = {p: judged(p, arguments.problems, arguments.seed) for p in arguments.policies}
+    if arguments.results:
+        found = {load(path).header.policy: judged_again(path) for path in arguments.results}
+    else:
+        found = {p: judged(p, arguments.problems, arguments.seed) for p in arguments.policies}
     report({policy: by_meshes for policy, (by_meshes, _) in found.items()})
     report_spheres([j for _, by_spheres in found.values() for j in by_spheres])
 
