@@ -35,7 +35,10 @@ def self_clearance(checker, joint_position: np.ndarray) -> tuple[float, str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("results", type=Path, nargs="+")
-    checker = mesh_checker(PANDA.meshes.find(), margin=0.0)
+    model = PANDA.meshes.find()
+    if model is None:
+        raise SystemExit(PANDA.meshes.absent)
+    checker = mesh_checker(model, margin=0.0)
     counts = defaultdict(lambda: defaultdict(int))
     pairs = defaultdict(int)
     for path in parser.parse_args().results:
