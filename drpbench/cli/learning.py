@@ -152,6 +152,12 @@ def train(
     seed: Annotated[
         int, typer.Option(help="The seed of the first weights and of the samples.")
     ] = 0,
+    begun_from: Annotated[
+        str,
+        typer.Option(
+            "--from", help="Begin from these weights: a shipped name, such as impact, or a file."
+        ),
+    ] = "",
     resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run.")] = False,
     report_every: Annotated[
         int, typer.Option(help="How many steps lie between lines of the history.")
@@ -163,7 +169,10 @@ def train(
         int, typer.Option(help="How many steps lie between validations; 0 means only at the end.")
     ] = 0,
     validation_problems: Annotated[
-        int, typer.Option(help="How many episodes a validation has; 0 means none.", min=0)
+        int,
+        typer.Option(
+            help="How many episodes a validation has at home, and abroad; 0 means none.", min=0
+        ),
     ] = 64,
     capacity: Annotated[
         int, typer.Option(help="How many demonstrations are kept at once, without --data.")
@@ -221,6 +230,7 @@ def train(
         checkpoint_every=checkpoint_every,
         validate_every=validate_every,
         validation_problems=validation_problems,
+        begun_from=begun_from,
     )
     source: AbstractContextManager[Feed] = (
         nullcontext(Folder(*demonstrations))

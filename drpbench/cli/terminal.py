@@ -62,7 +62,8 @@ class TrainingProgress:
         if line.validated:
             text += (
                 f"; validation: {line.succeeded}/{line.validated} succeeded, "
-                f"{line.reached} reached, {line.collided} collided"
+                f"{line.reached} reached, {line.collided} collided; "
+                f"abroad: {line.abroad_succeeded}/{line.abroad_validated} succeeded"
             )
         if line.validated or not self._console.is_terminal:
             self._console.print(text, highlight=False)

@@ -15,6 +15,7 @@ import numpy as np
 from drpbench.generation import certificate
 from drpbench.geometry import host_rotation as rotation
 from drpbench.planning.checker import Checker
+from drpbench.planning.host_ik import HostInverseKinematics
 from drpbench.planning.mink_ik import InverseKinematics
 from drpbench.planning.rrt_connect import Planner
 
@@ -64,9 +65,17 @@ class Generator:
     arm is that of the checkers.
     """
 
-    def __init__(self, spheres: Checker, meshes: Checker | None):
-        self._spheres, self._meshes = spheres, meshes
-        self._ik = InverseKinematics(spheres.robot)
+    def __init__(
+        self,
+        spheres: Checker,
+        meshes: Checker | None,
+        ik: InverseKinematics | HostInverseKinematics | None = None,
+        shortcuts: int = _SHORTCUTS,
+    ):
+        """`ik` is mink's unless another is given; `shortcuts` are tried on a witness. The
+        benchmark's problems are of the defaults."""
+        self._spheres, self._meshes, self._shortcuts = spheres, meshes, shortcuts
+        self._ik = ik or InverseKinematics(spheres.robot)
         self.rejections: dict[str, int] = {}
 
     def problem(self, task: str, index: int, stream: str = BENCHMARK_STREAM) -> Draft:
@@ -173,5 +182,5 @@ class Generator:
         path = planner.plan(rng, start, goal, _MAX_CHECKS)
         if path is None:
             raise Rejected("no path found")
-        path = planner.shortcut(rng, path, _SHORTCUTS)
+        path = planner.shortcut(rng, path, self._shortcuts)
         return path.astype(np.float32).astype(float)

@@ -1,13 +1,15 @@
 """Problems to learn from: drawn on the host, from random streams that the benchmark never uses.
 
-A problem is a scene of any family, often with boxes that float in it, a start and a goal, and a way
-between them that a sampling planner found: the expert's hint. In a share of them a box then stands
-on the goal, as when something or someone blocks it (paper 3.1).
+A problem is a scene, often with boxes that float in it, a start and a goal, and a way between them
+that a sampling planner found: the expert's hint. In a share of them a box then stands on the goal,
+as when something or someone blocks it (paper 3.1). The scenes are the benchmark's families and
+`assembly`, or those of `foreign`, which nothing is learned from.
 """
 
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,16 +17,28 @@ import numpy as np
 from drpbench.geometry import MAX_OBSTACLES, Obstacles
 from drpbench.planning import polyline
 from drpbench.planning.checker import sphere_checker
+from drpbench.planning.host_ik import HostInverseKinematics
 from drpbench.robot import PANDA, Robot
 
+from . import assembly
 from .composition import PAIRS, Group
 from .families import FAMILIES
+from .foreign import FOREIGN
 from .generator import CHECKER_MARGIN, FREE_CLEARANCE, VERSION_SEED, Generator, Rejected
 from .scene import Scene
 
-TRAINING_STREAM = "training"
+TRAINING_STREAM = "training-2"
 VALIDATION_STREAM = "validation"
-FAMILY_NAMES = tuple(FAMILIES)
+SCENES: Mapping[str, Callable[[np.random.Generator], Scene]] = (
+    FAMILIES | {assembly.NAME: assembly.draw} | FOREIGN
+)
+FAMILY_NAMES = tuple(SCENES)
+AT_HOME = tuple(FAMILIES)
+"""The families of the benchmark."""
+ABROAD = tuple(FOREIGN)
+LEARNED_FROM = (*AT_HOME, assembly.NAME)
+
+ASSEMBLED_SHARE = 0.6  # of problems that are drawn from an assembly, where there are families too
 
 OBSTRUCTED_SHARE = 0.3
 FLOATING_SHARE = 0.4  # of scenes that have one to three floating boxes
@@ -32,6 +46,7 @@ HINT_WAYPOINTS = 64
 _LEAST_WAY = {"ff": 0.3, "ft": 0.3, "tf": 0.3, "tt": 0.2}  # [m] from start to goal position
 _REACH = np.array([[0.1, -0.8, 0.1], [0.9, 0.8, 1.0]])  # [m] corners of where boxes float
 _TRIES = 20
+_SHORTCUTS = 20  # of a hint: the expert shortens it anyway
 
 
 @dataclass(frozen=True)
@@ -54,12 +69,32 @@ class Drawer:
     """Draws the numbered problems of one stream. Holds a compiled checker, so make one and keep
     it."""
 
-    def __init__(self, stream: str = TRAINING_STREAM, robot: Robot = PANDA):
+    def __init__(
+        self,
+        stream: str = TRAINING_STREAM,
+        robot: Robot = PANDA,
+        families: Sequence[str] = LEARNED_FROM,
+    ):
+        """`families` are names of `SCENES`. Raises ValueError for others, and for the benchmark's
+        own stream."""
         if stream == "benchmark":
             raise ValueError("the benchmark's own stream is not for learning")
+        if unknown := [name for name in families if name not in SCENES] or not families:
+            raise ValueError(f"expected families of {', '.join(SCENES)}, got {unknown or 'none'}")
         self._stream = zlib.crc32(stream.encode())
         self._spheres = sphere_checker(CHECKER_MARGIN, robot)
-        self._generator = Generator(self._spheres, None)
+        self._generator = Generator(
+            self._spheres, None, HostInverseKinematics(robot), shortcuts=_SHORTCUTS
+        )
+        shares = np.array(
+            [
+                ASSEMBLED_SHARE if name == assembly.NAME else 1.0 - ASSEMBLED_SHARE
+                for name in families
+            ]
+        )
+        others = sum(name != assembly.NAME for name in families)
+        shares[[name != assembly.NAME for name in families]] /= max(others, 1)
+        self._families, self._shares = tuple(families), shares / shares.sum()
 
     def draw(self, index: int) -> Drawn:
         """Problem number `index`; it depends on nothing but the stream and the number."""
@@ -72,10 +107,9 @@ class Drawer:
                 attempt += 1
 
     def _attempt(self, rng: np.random.Generator, index: int) -> Drawn:
-        family = int(rng.integers(len(FAMILY_NAMES)))
-        name = FAMILY_NAMES[family]
+        name = self._families[rng.choice(len(self._families), p=self._shares)]
         pair = "ff" if name == "table" else PAIRS[rng.integers(len(PAIRS))]
-        scene = FAMILIES[name](rng)
+        scene = SCENES[name](rng)
         if rng.uniform() < FLOATING_SHARE:
             scene = _with_boxes(scene, _floating(rng, int(rng.integers(1, 4))))
         group = Group(name, pair, level=0, count=0, distance=_LEAST_WAY[pair])
@@ -86,7 +120,7 @@ class Drawer:
             scene, obstructed = (scene, False) if blocked is None else (blocked, True)
         return Drawn(
             index=index,
-            family=family,
+            family=FAMILY_NAMES.index(name),
             obstacles=scene.obstacles.padded(MAX_OBSTACLES),
             start=start.astype(np.float32),
             goal=goal.astype(np.float32),

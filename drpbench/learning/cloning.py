@@ -81,9 +81,10 @@ class Cloning:
         self._devices = Mesh(np.array(jax.devices()), ("devices",))
         self.advance = jax.jit(self._advance, static_argnames="steps", donate_argnames="state")
 
-    def begin(self) -> TrainingState:
-        """The state before the first step."""
-        parameters = self.learner.initial(self.settings.seed)
+    def begin(self, parameters: Any = None) -> TrainingState:
+        """The state before the first step: of an untrained network, or of these parameters."""
+        if parameters is None:
+            parameters = self.learner.initial(self.settings.seed)
         return self._everywhere(
             TrainingState(
                 step=jnp.int32(0),

@@ -28,6 +28,11 @@ class Progress:
     reached: int = 0
     collided: int = 0
     succeeded: int = 0
+    abroad_validated: int = 0
+    """The same, of scenes that nothing is learned from."""
+    abroad_reached: int = 0
+    abroad_collided: int = 0
+    abroad_succeeded: int = 0
 
 
 class History:
@@ -78,12 +83,13 @@ def plot(history: list[Progress], path: Path) -> None:
     upper.set(ylabel="loss", ylim=(0, None))
     scored = [p for p in history if p.validated]
     samples = [p.samples for p in scored]
-    for name, colour in (
-        ("succeeded", "tab:green"),
-        ("reached", "tab:gray"),
-        ("collided", "tab:red"),
+    for name, colour, of in (
+        ("succeeded", "tab:green", "validated"),
+        ("reached", "tab:gray", "validated"),
+        ("collided", "tab:red", "validated"),
+        ("abroad_succeeded", "tab:olive", "abroad_validated"),
     ):
-        counts = [(getattr(p, name), p.validated) for p in scored]
+        counts = [(getattr(p, name), getattr(p, of)) for p in scored]
         shares = np.array([100.0 * k / n for k, n in counts])
         low, high = 100.0 * np.array([wilson(k, n) for k, n in counts]).reshape(-1, 2).T
         lower.errorbar(
@@ -92,7 +98,7 @@ def plot(history: list[Progress], path: Path) -> None:
             [shares - low, high - shares],
             fmt="o-",
             color=colour,
-            label=name,
+            label=name.replace("_", ", "),
             capsize=2,
         )
     lower.set(xlabel="training samples", ylabel="% of validation", ylim=(0, 100))

@@ -18,15 +18,16 @@ import numpy as np
 
 from drpbench.errors import DrpbenchError
 from drpbench.evaluation.run import device_name
+from drpbench.generation.training_problems import ABROAD
 from drpbench.policies.networks.impact_format import ImpactFormat
-from drpbench.policies.weights import save
+from drpbench.policies.weights import checksum, load_parameters, save
 
 from .checkpoints import Checkpoints
 from .cloning import Cloning, CloningSettings, TrainingState
 from .feed import Feed
 from .history import History, Progress, plot
 from .learner import Learner, check
-from .validation import Score, Validation
+from .validation import Validation
 
 _MAY_CHANGE = ("steps", "learning_rate")  # when a run is resumed: it goes on along the new schedule
 
@@ -52,7 +53,10 @@ class Run:
     validate_every: int = 0
     """0: only at the end."""
     validation_problems: int = 64
-    """0: never validated."""
+    """At home, and as many abroad. 0: never validated."""
+    begun_from: str = ""
+    """Shipped weights by name, or a file of weights, that the run begins from; empty: a new
+    network."""
 
     def __post_init__(self) -> None:
         for name, period in (
@@ -73,6 +77,8 @@ class Run:
             "size": names[0] if names else self.learner.settings(),
             **asdict(self.settings),
         }
+        if self.begun_from:
+            decided["begun_from"] = checksum(self.begun_from)
         return json.loads(json.dumps(decided))
 
 
@@ -92,14 +98,15 @@ def train(run: Run, feed: Feed, report: Callable[[Progress, Run], None]) -> Prog
         )
     first = feed.begin()
     check(run.learner, first, run.settings.batch, run.settings.precision)
-    state = training.begin()
+    state = training.begin(_parameters(run))
     if run.resume:
         state = checkpoints.load(state)
     _note_settings(run, int(state.step))
     lines = history.rewind(int(state.step))
     spent = lines[-1].seconds if lines else 0.0
     demonstrations = training.resident(first)
-    validation: Validation | None = None
+    home: Validation | None = None
+    abroad: Validation | None = None
     began = time.perf_counter()
     losses: list[np.ndarray] = []
     while (step := int(state.step)) < run.settings.steps:
@@ -114,11 +121,16 @@ def train(run: Run, feed: Feed, report: Callable[[Progress, Run], None]) -> Prog
                 "resume from the last checkpoint with a smaller --learning-rate"
             )
         last = upto == run.settings.steps
-        score: Score | None = None
+        scores: dict[str, int] = {}
         due = last or (run.validate_every and upto % run.validate_every == 0)
         if due and run.validation_problems:
-            validation = validation or Validation(run.validation_problems, run.learner.robot)
-            score = validation.score(run.learner.policy(state.average))
+            count, robot = run.validation_problems, run.learner.robot
+            home = home or Validation(count, robot)
+            abroad = abroad or Validation(count, robot, ABROAD)
+            policy = run.learner.policy(state.average)
+            scores = asdict(home.score(policy)) | {
+                f"abroad_{name}": value for name, value in asdict(abroad.score(policy)).items()
+            }
         line = Progress(
             step=upto,
             samples=upto * run.settings.batch,
@@ -126,7 +138,7 @@ def train(run: Run, feed: Feed, report: Callable[[Progress, Run], None]) -> Prog
             loss=float(np.mean(losses[-1])),
             learning_rate=float(training.schedule(upto)),
             samples_per_second=run.report_every * run.settings.batch / seconds,
-            **({} if score is None else asdict(score)),
+            **scores,
         )
         history.add(line)
         report(line, run)
@@ -141,6 +153,20 @@ def train(run: Run, feed: Feed, report: Callable[[Progress, Run], None]) -> Prog
     return lines[-1]
 
 
+def _parameters(run: Run) -> Any:
+    """Those that the run begins from, None for a new network's. Raises TrainingError where they
+    are another network's."""
+    if not run.begun_from:
+        return None
+    kind = {run.learner.title(): type(run.learner)}
+    network, parameters, _ = load_parameters(run.begun_from, kind, run.learner.robot)
+    if network.settings() != run.learner.settings():
+        raise TrainingError(
+            f"--from {run.begun_from}: its network has other sizes than the one to train"
+        )
+    return parameters
+
+
 def ship(run: Run, state: TrainingState, lines: list[Progress], feed: Feed) -> None:
     """Writes the weights, with a card that says how they were made."""
     last = lines[-1]
@@ -150,7 +176,8 @@ def ship(run: Run, state: TrainingState, lines: list[Progress], feed: Feed) -> N
         "steps": f"{last.step} of {run.settings.steps}, {last.samples} samples",
         "hardware": f"{device_name()}, {last.seconds / 3600.0:.2f} h",
         "scores": "; ".join(
-            f"step {line.step}: {line.succeeded}/{line.validated} validation problems solved"
+            f"step {line.step}: {line.succeeded}/{line.validated} validation problems solved at "
+            f"home, {line.abroad_succeeded}/{line.abroad_validated} abroad"
             for line in scored[-1:]
         )
         or "not validated",

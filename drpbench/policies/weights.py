@@ -93,6 +93,16 @@ def load(
     WeightsError, also where the network is one for another arm than `robot`: one line that names
     the file, what is wrong and what would be right.
     """
+    network, parameters, digest = load_parameters(name, networks, robot)
+    return network.policy(parameters, digest)
+
+
+def load_parameters(
+    name: str | Path,
+    networks: Mapping[str, type[Network]] = NETWORKS,
+    robot: Robot = PANDA,
+) -> tuple[Network, Any, str]:
+    """The network of that name or file, its parameters, and their SHA-256; as `load`."""
     path = _find(name)
     metadata, tensors = _read(path)
     kind = _kind(path, metadata, networks)
@@ -108,7 +118,7 @@ def load(
     parameters = jax.tree_util.tree_map_with_path(
         lambda keys, _: jnp.asarray(tensors[_name(keys)], jnp.float32), network.shapes()
     )
-    return network.policy(parameters, metadata["sha256"])
+    return network, parameters, metadata["sha256"]
 
 
 def card(name: str | Path) -> dict[str, Any]:

@@ -1,6 +1,8 @@
 """What the network is shown is what the world shows, and what it is asked for leads along the
 path."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from drpbench.contract import EPISODE
 from drpbench.geometry import signed_distance
 from drpbench.learning import batches
+from drpbench.planning.clearance_cost import gaps
 from drpbench.policies.networks.chunks import CHUNK, SPEED, decode
 from drpbench.robot import PANDA
 
@@ -35,17 +38,16 @@ def test_places_along_a_path_are_between_its_waypoints():
     assert np.allclose(found[:, 0], [1.0, 1.5, 5.0, 5.0, 1.0])
 
 
-def test_points_lie_on_obstacles_above_the_table(batch, demonstrations):
-    obstacles = demonstrations.obstacles.primitives()
+def test_points_lie_on_obstacles_above_the_table(batch):
     for b in range(8):
         # A scene that is mostly table has fewer: what is under its top is not seen.
         there = np.asarray(batch.scene_mask[b])
         assert there.mean() > 0.4
         points = batch.scene_points[b][there]
-        # Which of the demonstrations it was is not told: one of them has all points on it.
-        off = jax.vmap(lambda scene, p=points: jnp.max(signed_distance(p, scene)))(obstacles)
-        assert float(jnp.min(off)) < 1e-4
-        assert float(points[:, 2].min()) >= -1e-5
+        scene = jax.tree.map(lambda leaf, b=b: leaf[b], batch.obstacles)
+        assert float(signed_distance(points, scene).max()) < 1e-4  # inside: on another one
+        if float(scene.position[0, 2] + scene.half_size[0, 2]) > -1e-4:  # there is a ground
+            assert float(points[:, 2].min()) >= -1e-5
 
 
 def test_robot_points_are_those_of_the_joints_shown(batch):
@@ -108,3 +110,49 @@ def test_some_clouds_are_denser_on_some_obstacles(demonstrations):
     )
     mean = float(high.mean())
     assert float(high.std()) > 2.0 * np.sqrt(mean * (1 - mean) / 512)
+
+
+def test_the_world_is_turned_with_the_arm(demonstrations):
+    """Turned by as much as joint 1, everything is as far from the arm as before."""
+    scene = jax.tree.map(lambda leaf: leaf[0], demonstrations.obstacles.primitives())
+    q, angle = demonstrations.path[0, 20], jnp.float32(0.7)
+    before = gaps(q, scene).obstacle
+    after = gaps(q.at[0].add(angle), batches.turned(scene, angle)).obstacle
+    np.testing.assert_allclose(after, before, atol=1e-5)
+    assert batches._turns(PANDA)
+
+
+def test_samples_are_turned_and_walked_back_and_look_for_little_room(demonstrations, batch):
+    goals = np.asarray(demonstrations.goal)
+    starts = np.asarray(demonstrations.path[:, 0])
+
+    def same(goal, ends):  # all but joint 1, which turning moves
+        return (np.abs(ends[:, 1:] - goal[1:]).max(axis=1) < 1e-5).any()
+
+    forward = np.array([same(goal, goals) for goal in np.asarray(batch.goal)])
+    backward = np.array([same(goal, starts) for goal in np.asarray(batch.goal)])
+    assert (forward | backward).all() and 0.3 < backward.mean() < 0.7
+    turned = [np.abs(goals - goal).max(axis=1).min() > 1e-3 for goal in np.asarray(batch.goal)]
+    assert np.mean(turned) > 0.5
+    assert np.all(np.asarray(batch.goal) >= PANDA.joint_lower)
+    assert np.all(np.asarray(batch.goal) <= PANDA.joint_upper)
+
+    def least(q, scene):
+        return jnp.min(gaps(q, scene).obstacle)
+
+    room = jax.vmap(least)(batch.joints, batch.obstacles)
+    everywhere = jax.vmap(
+        lambda path, scene: jax.vmap(lambda q: jnp.min(gaps(q, scene).obstacle))(path)
+    )(demonstrations.path, demonstrations.obstacles.primitives())
+    little = float((everywhere < batches.TIGHT).mean())
+    assert float((room < batches.TIGHT).mean()) > little + 0.1
+
+
+def test_below_the_ground_nothing_is_seen_and_without_ground_all_is(demonstrations):
+    scene = jax.tree.map(lambda leaf: leaf[0], demonstrations.obstacles.primitives())
+    key = jax.random.key(0)
+    points, there = batches.cloud(key, scene, 512)
+    assert float(jnp.where(there, points[:, 2], 0.0).min()) >= -1e-5
+    lower = replace(scene, position=scene.position - jnp.array([0.0, 0.0, 0.1]))
+    points, there = batches.cloud(key, lower, 512)
+    assert bool(there.all()) and float(points[:, 2].min()) < -0.1

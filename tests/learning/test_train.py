@@ -3,19 +3,22 @@
 import json
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
+from drpbench.generation.training_problems import ABROAD
 from drpbench.learning import train as training
 from drpbench.learning.checkpoints import CheckpointError
-from drpbench.learning.cloning import CloningSettings
+from drpbench.learning.cloning import Cloning, CloningSettings
 from drpbench.learning.history import History
 from drpbench.learning.learners import learner
 from drpbench.learning.train import TrainingError, train
 from drpbench.learning.validation import Score
 from drpbench.policies import Hold
 from drpbench.policies.networks.impact_format import ImpactFormat
-from drpbench.policies.weights import card, checksum
+from drpbench.policies.weights import card, checksum, load_parameters
 
 from .tiny import Fixed, Mean, run
 
@@ -96,12 +99,12 @@ def test_what_is_validated_stands_in_the_history_and_on_the_card(
     tmp_path, demonstrations, monkeypatch
 ):
     class Validation:
-        def __init__(self, count, robot):
-            self.count = count
+        def __init__(self, count, robot, families=()):
+            self.count, self.abroad = count, families == ABROAD
 
         def score(self, policy):
             assert isinstance(policy, Hold)
-            return Score(self.count, 3, 2, 1)
+            return Score(self.count, 3, 2, 0 if self.abroad else 1)
 
     monkeypatch.setattr(training, "Validation", Validation)
     lines = []
@@ -111,7 +114,21 @@ def test_what_is_validated_stands_in_the_history_and_on_the_card(
     assert [line.step for line in lines if line.validated] == [8, 12]
     assert (lines[-1].reached, lines[-1].collided, lines[-1].succeeded) == (3, 2, 1)
     scores = card(tmp_path / "run" / "weights.safetensors")["scores"]
-    assert scores == "step 12: 1/5 validation problems solved"
+    assert scores == "step 12: 1/5 validation problems solved at home, 0/5 abroad"
+
+
+def test_a_run_begins_from_weights(tmp_path, demonstrations):
+    train(run(tmp_path / "first"), Fixed(demonstrations), ignored)
+    weights = tmp_path / "first" / "weights.safetensors"
+    _, before, _ = load_parameters(weights, {"mean": Mean})
+    wanted = run(tmp_path / "second", begun_from=str(weights))
+    state = Cloning(wanted.learner, wanted.settings).begin(training._parameters(wanted))
+    jax.tree.map(np.testing.assert_array_equal, state.parameters, before)
+    train(wanted, Fixed(demonstrations), ignored)
+    assert wanted.facts()["begun_from"] == checksum(weights)
+    other = run(tmp_path / "third", Mean(3.0), begun_from=str(weights))
+    with pytest.raises(TrainingError, match="--from .*other sizes"):
+        train(other, Fixed(demonstrations), ignored)
 
 
 def test_a_loss_that_is_no_number_ends_the_run_and_names_the_step(tmp_path, demonstrations):

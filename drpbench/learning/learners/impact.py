@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from drpbench.learning.batches import Batch, sample
 from drpbench.learning.demonstrations import Demonstrations
 from drpbench.learning.learner import Learner
-from drpbench.learning.loss import chunk_loss
+from drpbench.learning.loss import chunk_loss, contact_loss
 from drpbench.policies.networks.impact import apply, initial
 from drpbench.policies.networks.impact_format import ImpactFormat
 from drpbench.policies.networks.impact_size import SIZES
@@ -32,6 +32,7 @@ class ImpactLearner(ImpactFormat, Learner):
 
     def loss(self, parameters: Any, batch: Batch, precision: str) -> Float[Array, ""]:
         seen = (batch.scene_points, batch.scene_mask, batch.robot_points, batch.joints, batch.goal)
-        return chunk_loss(
-            batch.chunk, apply(self.size, parameters, *seen, dtype=precision, robot=self.robot)
+        answer = apply(self.size, parameters, *seen, dtype=precision, robot=self.robot)
+        return chunk_loss(batch.chunk, answer) + contact_loss(
+            batch.chunk, answer, batch.joints, batch.goal, batch.obstacles, self.robot
         )
