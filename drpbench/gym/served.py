@@ -73,9 +73,10 @@ class Training:
 
     def __init__(self, world: World):
         # What draws problems is heavy to import, and of no use to who asks for the frozen ones.
-        from drpbench.generation.training_problems import TRAINING_STREAM, Drawer
+        from drpbench.generation.training_problems import AT_HOME, TRAINING_STREAM, Drawer
 
-        self._world, self._drawer = world, Drawer(TRAINING_STREAM)
+        # Its scenes stand on the ground that the world's sensor knows of.
+        self._world, self._drawer = world, Drawer(TRAINING_STREAM, families=AT_HOME)
 
     def require(self, ids: Sequence[int]) -> None:
         for id in ids:
