@@ -9,7 +9,7 @@ from pathlib import Path
 
 from drpbench.problems import load_set
 from drpbench.ranking import build, load_dir
-from drpbench.ranking.tables import render_markdown
+from drpbench.ranking.markdown import render_markdown
 from drpbench.results.shipped import shipped_results
 
 ROOT = Path(__file__).parents[1]

@@ -206,23 +206,47 @@ def leaderboard(
     folder: Annotated[
         Path | None, typer.Argument(help="A folder of result files [default: the shipped results]")
     ] = None,
-    markdown: Annotated[bool, typer.Option("--markdown", help="Print Markdown.")] = False,
+    format: Annotated[
+        str, typer.Option("--format", help="How to print it: table, markdown, csv or json.")
+    ] = "table",
+    measure: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What a table shows, repeatable: success, reached, collided, by_deadline, light, "
+            "clean, reached_5cm [default: success, by_deadline, collided, reached]"
+        ),
+    ] = None,
+    protocol: Annotated[
+        int | None,
+        typer.Option(help="The version of the protocol [default: the newest of the results]"),
+    ] = None,
     problems_from: ProblemsFrom = None,
 ) -> None:
     """Compare results. Every figure is recomputed from the rows and has a 95 % interval."""
-    from rich.console import Console
-
-    from drpbench.ranking import build, load_dir
-    from drpbench.ranking.tables import render_markdown, render_terminal
+    from drpbench.ranking import build, export, load_dir
+    from drpbench.ranking.markdown import render_markdown
+    from drpbench.ranking.measures import MEASURES
     from drpbench.results.shipped import shipped_results
 
+    texts = {"markdown": render_markdown, "csv": export.as_csv, "json": export.as_json}
+    if format not in ("table", *texts):
+        raise InputError(f"--format {format}: expected table, {', '.join(texts)}")
+    known = [name for name, _ in MEASURES]
+    if unknown := [name for name in measure or () if name not in known]:
+        raise InputError(f"--measure {unknown[0]}: expected one of {', '.join(known)}")
     results = load_dir(folder if folder is not None else shipped_results())
-    board = build(results, set_of_results(results, problems_from).counts)
-    if markdown:
-        print(render_markdown(board))
-    else:
-        console = Console()
-        console.print(render_terminal(board))
+    board = build(results, set_of_results(results, problems_from).counts, protocol)
+    if format in texts:
+        print(texts[format](board), end="")
+        return
+    from rich.console import Console
+
+    from drpbench.ranking.tables import SHORT, render_terminal, width_needed
+
+    console, wanted = Console(), measure or SHORT
+    if not console.is_terminal:
+        console.width = max(console.width, width_needed(board, wanted))
+    console.print(render_terminal(board, console, wanted))
 
 
 @app.command("list")

@@ -101,6 +101,7 @@ def run(request: Request, progress: RunProgress) -> Result:
     header = Header(
         protocol=PROTOCOL,
         policy=request.policy,
+        about=str(getattr(policy, "about", "")),
         policy_parameters={**choice.parameters},
         privileged=policy.privileged,
         tasks=list(request.problems),

@@ -112,6 +112,11 @@ class DcpRmp:
     def privileged(self) -> bool:
         return self.policy.privileged
 
+    @property
+    def about(self) -> str:
+        """That of the policy below, for a result's header."""
+        return getattr(self.policy, "about", "")
+
     def init(self, observation: Observation) -> Carry:
         return Carry(
             inner=self.policy.init(observation),

@@ -1,11 +1,12 @@
 """The leaderboard: every figure recomputed from the rows of result files.
 
-Pure data; :mod:`drpbench.ranking.tables` shows it.
+Pure data; `tables` shows it in a terminal, `markdown` as text, `export` as CSV and JSON.
 """
 
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations, pairwise
@@ -15,7 +16,12 @@ from drpbench.errors import DrpbenchError
 from drpbench.results import Header, Result, Row, load
 from drpbench.results.names import forms, is_result
 
+from .depth import LIGHT_DEPTH, successes_by_depth
+from .markdown import render_markdown
 from .statistics import Paired, paired, wilson
+
+MOST_LEFT_OUT = 0.1
+"""Share of a task's rows that may be left out before a run counts as partial."""
 
 
 class LeaderboardError(DrpbenchError):
@@ -49,14 +55,21 @@ class Cell:
         reached: within 1 cm and 15 degrees at the last step.
         reached_5cm: within 5 cm and 15 degrees at the last step.
         collided: touched an obstacle at any time.
-        left_out: rows not valid (GB where the goal was never blocked), in no denominator.
-        partial: fewer rows than there are problems.
+        by_deadline: at the goal at the last step before the boxes vanish, without a collision so
+            far; of the tasks in which some do.
+        light: reached, and no contact of more than 1 N (`LIGHT_DEPTH`).
+        clean: success, and never touched itself by its spheres.
+        left_out: rows not valid (SAO, GB: no box came), in no denominator.
+        partial: fewer rows than there are problems, or more than a tenth of them left out.
     """
 
     success: Rate
     reached: Rate
     reached_5cm: Rate
     collided: Rate
+    by_deadline: Rate
+    light: Rate
+    clean: Rate
     left_out: int
     partial: bool
 
@@ -66,6 +79,8 @@ class Entry:
     """One policy's line.
 
     Attributes:
+        rank: 1 for the best; None for a partial run, which has none.
+        about: what the policy is, where its name does not say all; from its results' headers.
         cells: by task, for the tasks it was run on.
         overall: over all its rows.
         against_next: McNemar's test against the entry below; None for the last entry, and where
@@ -73,6 +88,8 @@ class Entry:
     """
 
     policy: str
+    rank: int | None
+    about: str
     privileged: bool
     cells: Mapping[str, Cell]
     overall: Cell
@@ -81,17 +98,22 @@ class Entry:
 
 @dataclass(frozen=True)
 class Leaderboard:
-    """Entries from the highest overall success share to the lowest, ties by name."""
+    """Whole runs from the highest overall success share to the lowest, then partial ones in the
+    same way; ties by name.
+
+    All are of one version of the protocol; `others` counts the results of each other version, which
+    are left out.
+    """
 
     problem_set: str
     problem_set_sha256: str
+    protocol: int
+    others: Mapping[int, int]
     tasks: tuple[str, ...]
     entries: tuple[Entry, ...]
 
     def __str__(self) -> str:
         """The tables as Markdown."""
-        from .tables import render_markdown
-
         return render_markdown(self)
 
 
@@ -120,21 +142,39 @@ def load_dir(folder: str | os.PathLike[str]) -> dict[str, Result]:
     return {file.name: load(file) for file in files}
 
 
-def build(results: Mapping[str, Result], expected: Mapping[str, int]) -> Leaderboard:
-    """Compares results on one problem set.
+def of_protocol(results: Mapping[str, Result], protocol: int | None) -> dict[str, Result]:
+    """Those of one version of the protocol: the newest that there is, unless one is named.
+
+    Raises LeaderboardError where there is none.
+    """
+    versions = sorted({result.header.protocol for result in results.values()})
+    if not versions:
+        raise LeaderboardError("no result to compare")
+    if protocol is None:
+        protocol = versions[-1]
+    if protocol not in versions:
+        there = ", ".join(map(str, versions))
+        raise LeaderboardError(f"expected results of protocol {protocol}, got those of {there}")
+    return {name: one for name, one in results.items() if one.header.protocol == protocol}
+
+
+def build(
+    results: Mapping[str, Result], expected: Mapping[str, int], protocol: int | None = None
+) -> Leaderboard:
+    """Compares results on one problem set and of one protocol.
 
     Files of one policy on different tasks are taken together where policy parameters agree.
 
     Args:
         results: by the name a message should give them, usually the file's.
         expected: number of problems of each task, in the order the tasks are shown.
+        protocol: its version, by default the newest among the results; others are left out.
 
     Raises:
         LeaderboardError: there is nothing to compare, the problem sets differ, one policy stands
             twice, or a row belongs to no problem of the set.
     """
-    if not results:
-        raise LeaderboardError("no result to compare")
+    everything, results = results, of_protocol(results, protocol)
     _require_one_problem_set(results)
     rows: dict[str, list[Row]] = {}
     headers: dict[str, Header] = {}
@@ -145,7 +185,13 @@ def build(results: Mapping[str, Result], expected: Mapping[str, int]) -> Leaderb
         headers.setdefault(result.header.policy, result.header)
         rows.setdefault(result.header.policy, []).extend(result.rows)
 
-    ranked = sorted(rows, key=lambda policy: (-_rate(rows[policy], "success").share, policy))
+    overall = {policy: _cell(rows[policy], sum(expected.values())) for policy in rows}
+    cells = {policy: _cells(rows[policy], expected) for policy in rows}
+    partial = {
+        policy: overall[policy].partial or any(cell.partial for cell in cells[policy].values())
+        for policy in rows
+    }
+    ranked = sorted(rows, key=lambda one: (partial[one], -overall[one].success.share, one))
     tests: dict[str, Paired] = {}
     for policy, below in pairwise(ranked):
         test = paired(rows[policy], rows[below])
@@ -153,19 +199,24 @@ def build(results: Mapping[str, Result], expected: Mapping[str, int]) -> Leaderb
             tests[policy] = test
     first = next(iter(headers.values()))
     seen = {row.task for policy in rows for row in rows[policy]}
+    versions = Counter(result.header.protocol for result in everything.values())
     return Leaderboard(
         problem_set=first.problem_set,
         problem_set_sha256=first.problem_set_sha256,
+        protocol=first.protocol,
+        others={version: n for version, n in versions.items() if version != first.protocol},
         tasks=tuple(task for task in expected if task in seen),
         entries=tuple(
             Entry(
                 policy=policy,
+                rank=None if partial[policy] else place,
+                about=headers[policy].about,
                 privileged=headers[policy].privileged,
-                cells=_cells(rows[policy], expected),
-                overall=_cell(rows[policy], sum(expected.values())),
+                cells=cells[policy],
+                overall=overall[policy],
                 against_next=tests.get(policy),
             )
-            for policy in ranked
+            for place, policy in enumerate(ranked, start=1)
         ),
     )
 
@@ -182,19 +233,25 @@ def _cells(rows: list[Row], expected: Mapping[str, int]) -> dict[str, Cell]:
 
 
 def _cell(rows: list[Row], problems: int) -> Cell:
+    valid = [row for row in rows if row.valid]
+    met = [row for row in valid if row.success_before_removal is not None]
+    left_out = len(rows) - len(valid)
     return Cell(
-        success=_rate(rows, "success"),
-        reached=_rate(rows, "reached"),
-        reached_5cm=_rate(rows, "reached_5cm"),
-        collided=_rate(rows, "collided"),
-        left_out=sum(1 for row in rows if not row.valid),
-        partial=len(rows) < problems,
+        success=_rate(row.success for row in valid),
+        reached=_rate(row.reached for row in valid),
+        reached_5cm=_rate(row.reached_5cm for row in valid),
+        collided=_rate(row.collided for row in valid),
+        by_deadline=_rate(bool(row.success_before_removal) for row in met),
+        light=Rate(int(successes_by_depth(valid, [LIGHT_DEPTH])[0]), len(valid)),
+        clean=_rate(row.success and not row.self_collided for row in valid),
+        left_out=left_out,
+        partial=len(rows) < problems or left_out > MOST_LEFT_OUT * len(rows),
     )
 
 
-def _rate(rows: Iterable[Row], verdict: str) -> Rate:
-    verdicts = [getattr(row, verdict) for row in rows if row.valid]
-    return Rate(sum(verdicts), len(verdicts))
+def _rate(verdicts: Iterable[bool]) -> Rate:
+    counted = list(verdicts)
+    return Rate(sum(counted), len(counted))
 
 
 def _require_one_problem_set(results: Mapping[str, Result]) -> None:

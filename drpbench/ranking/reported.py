@@ -96,3 +96,16 @@ REPORTED = (
         (10.16, 12.33, 23.00, 31.64, 32.75),
     ),
 )
+
+
+def method(reported: Reported) -> str:
+    """Its name, marked where it is privileged."""
+    return reported.method + ("†" if reported.privileged else "")
+
+
+def reported_rates(reported: Reported) -> list[str]:
+    """Of each task `reach/collision`, as reported; a dash where they are not."""
+    return [
+        "–" if reach is None or collision is None else f"{reach:.2f}/{collision:.2f}"
+        for reach, collision in zip(reported.reach, reported.collision, strict=True)
+    ]

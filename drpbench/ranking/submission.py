@@ -21,7 +21,7 @@ from drpbench.results import Header, Result, ResultsError, Row
 from drpbench.robot import Robot
 
 from .board import Cell, Entry, Leaderboard, build
-from .tables import ALL
+from .measures import ALL
 
 # Rows hold six digits, so what is this much (relatively) off a threshold may be on either side.
 _ROUNDED = 1e-5

@@ -16,9 +16,9 @@ from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 
-from drpbench.ranking import Leaderboard, build
+from drpbench.ranking import Leaderboard, build, measures
 from drpbench.ranking.board import Cell, Entry
-from drpbench.ranking.tables import ABSENT, ALL, MEASURES, PAIRED, PARTIAL, PRIVILEGED
+from drpbench.ranking.measures import ABSENT, ALL, MEASURES, PAIRED, percent
 from drpbench.results import Result, ResultsError
 from drpbench.results.names import recordings_folder
 
@@ -114,10 +114,11 @@ def _summary(board: Leaderboard, results: Mapping[str, Result]) -> str:
     left_out = sum(entry.overall.left_out for entry in board.entries)
     text = (
         f"{_many(len(board.entries), 'policy', 'policies')}, {_many(rows, 'episode', 'episodes')} "
-        f"on {escape(board.problem_set)} (sha256 {board.problem_set_sha256[:12]})."
+        f"on {escape(board.problem_set)} (sha256 {board.problem_set_sha256[:12]}), "
+        f"protocol {board.protocol}."
     )
     if left_out:
-        text += f" {left_out:,} episodes stand in no figure: the goal was never blocked in them."
+        text += f" {left_out:,} episodes stand in no figure: no box came in them."
     return text
 
 
@@ -126,10 +127,12 @@ def _many(count: int, one: str, more: str) -> str:
 
 
 def _leaderboard(board: Leaderboard) -> Iterable[str]:
-    columns = [*board.tasks, ALL] if len(board.tasks) > 1 else list(board.tasks)
+    columns = measures.columns(board.tasks)
     for measure, title in MEASURES:
+        if not measures.shown(measure, board.entries):
+            continue
         opened = " open" if measure == "success" else ""
-        head = _row("th", ["Policy", *columns], ["", *columns])
+        head = _row("th", ["#", "Policy", *columns], ["", "", *columns])
         body = "\n".join(_entry(entry, columns, measure) for entry in board.entries)
         yield (
             f'<details class="measure"{opened}><summary>{escape(title)}</summary>'
@@ -137,12 +140,8 @@ def _leaderboard(board: Leaderboard) -> Iterable[str]:
         )
     if any(entry.against_next for entry in board.entries):
         yield f"<details><summary>{escape(PAIRED)}</summary>{_paired(board)}</details>"
-    if any(
-        cell.partial for entry in board.entries for cell in (entry.overall, *entry.cells.values())
-    ):
-        yield f'<p class="note">{escape(PARTIAL)}</p>'
-    if any(entry.privileged for entry in board.entries):
-        yield f'<p class="note">{escape(PRIVILEGED)}</p>'
+    for note in measures.notes(board.entries) + measures.others(board):
+        yield f'<p class="note">{escape(note)}</p>'
 
 
 def _entry(entry: Entry, columns: Sequence[str], measure: str) -> str:
@@ -152,7 +151,8 @@ def _entry(entry: Entry, columns: Sequence[str], measure: str) -> str:
     ]
     name = escape(entry.policy) + ("†" if entry.privileged else "")
     return (
-        f'<tr data-policy="{escape(entry.policy)}"><th scope="row">{name}</th>{"".join(cells)}</tr>'
+        f'<tr data-policy="{escape(entry.policy)}"><td>{measures.rank(entry)}</td>'
+        f'<th scope="row">{name}</th>{"".join(cells)}</tr>'
     )
 
 
@@ -160,40 +160,42 @@ def _rate(cell: Cell | None, column: str, measure: str) -> str:
     if cell is None:
         return f'<td data-task="{column}" data-value="-1">{ABSENT}</td>'
     rate = getattr(cell, measure)
+    if not rate.n:
+        return f'<td data-task="{column}" data-value="-1">{ABSENT}</td>'
     low, high = rate.interval
-    share = _percent(rate.share) if rate.n else ABSENT
     return (
-        f'<td data-task="{column}" data-value="{rate.share if rate.n else -1:.6f}">'
-        f"<b>{share}{'*' if cell.partial else ''}</b> "
-        f"<small>[{_percent(low)}, {_percent(high)}]<br>{rate.k}/{rate.n}</small></td>"
+        f'<td data-task="{column}" data-value="{rate.share:.6f}">'
+        f"<b>{percent(rate.share)}{'*' if cell.partial else ''}</b> "
+        f"<small>[{percent(low)}, {percent(high)}]<br>{rate.k}/{rate.n}</small></td>"
     )
 
 
-def _percent(share: float) -> str:
-    # As in the leaderboard: 0 and 100 have no decimal, nearly none and nearly all have one.
-    return f"{100 * share:.1f}" if 0 < share < 1 else f"{100 * share:.0f}"
-
-
 def _paired(board: Leaderboard) -> str:
-    head = _row("th", ["Policy", "against", "only the first", "only the second", "shared", "p"])
-    lines = []
-    for entry, below in zip(board.entries, board.entries[1:], strict=False):
-        if (test := entry.against_next) is None:
-            continue
-        p = "< 0.0001" if test.p < 1e-4 else f"{test.p:.4f}"
-        figures = [below.policy, test.only_first, test.only_second, test.shared, p]
-        lines.append(_row("td", [entry.policy, *map(str, figures)]))
+    head = _row("th", measures.PAIRED_HEAD)
+    lines = [_row("td", line) for line in measures.paired_lines(board) if line[-1] != ABSENT]
     return _table("", PAIRED, head, "\n".join(lines))
 
 
 def _runs(results: Mapping[str, Result]) -> str:
-    heads = ["File", "Policy", "Tasks", "Rows", "Seed", "Device", "Batch", "Made", "Parameters"]
+    heads = [
+        "File",
+        "Policy",
+        "Protocol",
+        "Tasks",
+        "Rows",
+        "Seed",
+        "Device",
+        "Batch",
+        "Made",
+        "Parameters",
+    ]
     lines = []
     for name, result in results.items():
         header = result.header
         cells = [
             name,
             header.policy,
+            str(header.protocol),
             " ".join(header.tasks),
             f"{len(result.rows):,}",
             str(header.seed),
@@ -204,7 +206,7 @@ def _runs(results: Mapping[str, Result]) -> str:
         ]
         parameters = "; ".join(f"{key} {value}" for key, value in header.policy_parameters.items())
         versions = "; ".join(f"{key} {value}" for key, value in header.versions.items())
-        told = f"{escape(parameters)}</p><p>{escape(versions)}"
+        told = f"{escape(header.about)}</p><p>{escape(parameters)}</p><p>{escape(versions)}"
         details = f"<details><summary>show</summary><p>{told}</p></details>"
         line = _row("td", cells)
         lines.append(line.removesuffix("</tr>") + f"<td>{details}</td></tr>")

@@ -65,6 +65,9 @@ class Header(_Record):
         default=1, description="version of the protocol, which says what a score means"
     )
     policy: Name = Field(description="name of the policy, as given to `drpbench run --policy`")
+    about: str = Field(
+        default="", description="what the policy is, where its name does not say all of it"
+    )
     policy_parameters: dict[str, Scalar | list[Scalar]] = Field(
         description="the policy's parameters by name"
     )

@@ -71,19 +71,54 @@ def test_fewer_rows_than_problems_is_partial(make_result):
         "a": make_result("a", {"SE": "++++++", "FDO": "++"}),
         "b": make_result("b", {"SE": "------", "FDO": "---", "GB": "---"}),
     }
-    partial, whole = build(results, EXPECTED).entries
+    whole, partial = build(results, EXPECTED).entries
     assert [partial.cells["SE"].partial, partial.cells["FDO"].partial] == [False, True]
     assert partial.overall.partial
     assert not whole.overall.partial
+    assert (whole.rank, partial.rank) == (1, None)  # below, whatever it scores
 
 
 def test_instances_that_do_not_count_are_in_no_denominator(make_header, make_row):
-    rows = [make_row("GB", i, reached=i != 1, valid=i != 0) for i in range(3)]
+    rows = [make_row("GB", i, reached=i != 1, valid=i != 0) for i in range(20)]
     result = Result(header=make_header(tasks=("GB",)), rows=rows)
-    cell = build({"a": result}, EXPECTED).entries[0].cells["GB"]
-    assert cell.success == cell.reached == Rate(1, 2)
+    cell = build({"a": result}, {"GB": 20}).entries[0].cells["GB"]
+    assert cell.success == cell.reached == Rate(18, 19)
     assert cell.left_out == 1
     assert not cell.partial
+
+
+def test_a_run_that_left_out_more_than_a_tenth_is_partial(make_header, make_row):
+    for left_out, partial in ((2, False), (3, True)):
+        rows = [make_row("GB", i, valid=i >= left_out) for i in range(20)]
+        result = Result(header=make_header(tasks=("GB",)), rows=rows)
+        (entry,) = build({"a": result}, {"GB": 20}).entries
+        assert entry.cells["GB"].partial == partial
+        assert entry.rank == (None if partial else 1)
+
+
+def test_light_contacts_deadlines_and_self_collisions_are_counted_apart(make_header, make_row):
+    rows = [
+        make_row(id=0, success_before_removal=True),
+        make_row(id=1, collided=True, min_clearance=-4e-5, success_before_removal=False),
+        make_row(id=2, self_collided=True),
+    ]
+    (entry,) = build({"a": Result(header=make_header(), rows=rows)}, EXPECTED).entries
+    cell = entry.cells["FDO"]
+    assert (cell.success, cell.light, cell.clean) == (Rate(2, 3), Rate(3, 3), Rate(1, 3))
+    assert cell.by_deadline == Rate(1, 2)
+
+
+def test_two_versions_of_the_protocol_never_stand_together(make_result):
+    results = {
+        "old": make_result("a", {"FDO": "+++"}, protocol=1),
+        "new": make_result("b", {"FDO": "---"}, protocol=2),
+    }
+    newest = build(results, EXPECTED)
+    assert [entry.policy for entry in newest.entries] == ["b"]
+    assert (newest.protocol, newest.others) == (2, {1: 1})
+    assert [entry.policy for entry in build(results, EXPECTED, 1).entries] == ["a"]
+    with pytest.raises(LeaderboardError, match="expected results of protocol 3, got those of 1, 2"):
+        build(results, EXPECTED, 3)
 
 
 def test_a_task_where_nothing_counts_has_no_share(make_header, make_row):

@@ -80,7 +80,7 @@ def test_what_is_shipped_is_correct():
         (lambda row: row.collided, {"first_collision_step": 1000}, "1000 of 1000"),
         (lambda row: row.collided, {"first_collision_link": "link0"}, "'link0'"),
         (lambda row: row.reached, {"time_to_goal": 17.0}, "17.0 s of 16.7 s"),
-        (lambda row: row.task == "FDO", {"valid": False}, "valid may be false only in GB"),
+        (lambda row: row.task == "FDO", {"valid": False}, "valid may be false only in SAO, GB"),
         (lambda row: row.family == "table", {"family": "shelf"}, "its family is table, not shelf"),
     ],
 )

@@ -173,10 +173,10 @@ def test_the_reason_is_the_first_that_holds():
 def test_the_page_is_whole_needs_nothing_else_and_says_what_the_leaderboard_says():
     page = Page(render(some_results(), EXPECTED))
     assert not page.open and page.links == ["data:,"]
-    assert page.tables[0][0] == ["Policy", "SE", "FDO", "All"]
-    assert [line[0] for line in page.tables[0][1:]] == ["good", HOSTILE + "†"]
-    assert page.tables[0][1][1] == "100 [51.0, 100]4/4"
-    assert page.tables[0][1][2] == "66.7 [20.8, 93.9]2/3"
+    assert page.tables[0][0] == ["#", "Policy", "SE", "FDO", "All"]
+    assert [line[1] for line in page.tables[0][1:]] == ["good", HOSTILE + "†"]
+    assert page.tables[0][1][2] == "100 [51.0, 100]4/4"
+    assert page.tables[0][1][3] == "66.7 [20.8, 93.9]2/3"
 
 
 def test_what_result_files_say_is_text_and_nothing_else():

@@ -14,7 +14,7 @@ from drpbench.robot import PANDA, Robot
 
 from .chunks import commanded
 from .impact import Parameters, apply
-from .impact_size import ImpactSize
+from .impact_size import FULL, ImpactSize
 
 
 @jax.tree_util.register_dataclass
@@ -32,6 +32,20 @@ class Impact:
     control_period: float = field(default=EPISODE.period, metadata={"static": True})
 
     privileged = False
+
+    @property
+    def about(self) -> str:
+        """What it is, for a result's header: whose sizes these are is not in a name."""
+        count = sum(leaf.size for leaf in jax.tree.leaves(self.parameters))
+        if self.size == FULL:
+            return f"IMPACT in the paper's size, {count / 1e6:.2f} million parameters"
+        more = [f"{self.size.feelers} feelers"] if self.size.feelers else []
+        more += ["a look at the arm at its goal"] if self.size.sees_goal else []
+        told = f", with {' and '.join(more)}" if more else ""
+        return (
+            f"a small IMPACT of {count / 1e3:.0f} thousand parameters{told}; the paper's has 4.67 "
+            "million and none of that"
+        )
 
     def init(self, observation: Observation) -> tuple[()]:
         return ()
