@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from drpbench.evaluation.run import device_name
+from drpbench.evaluation.machine import device_name
 from drpbench.policies.networks.impact import ROBOT_POINTS, SCENE_POINTS, SIZES, apply, initial
 from drpbench.robot import PANDA
 

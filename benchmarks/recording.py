@@ -18,7 +18,7 @@ import numpy as np
 
 from drpbench.compile import use_cache
 from drpbench.envs import TASKS, World
-from drpbench.evaluation.run import device_name, versions
+from drpbench.evaluation.machine import device_name, versions
 from drpbench.plugins.registry import choose
 from drpbench.problems import load_set
 from drpbench.recording import Recorder, motion, traced

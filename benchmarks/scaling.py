@@ -15,7 +15,7 @@ from world_loop import WorldLoop, batch_of, most_obstacles
 
 from drpbench.compile import use_cache
 from drpbench.contract import Problem
-from drpbench.evaluation.run import device_name
+from drpbench.evaluation.machine import device_name
 from drpbench.problems import TaskProblems, load_set
 
 STEPS = 50  # control steps a repetition

@@ -22,7 +22,7 @@ from world_loop import WorldLoop, batch_of, most_obstacles
 
 from drpbench.compile import use_cache
 from drpbench.contract import EPISODE
-from drpbench.evaluation.run import device_name
+from drpbench.evaluation.machine import device_name
 from drpbench.problems import TaskProblems, load_set
 from drpbench.robot import PANDA
 

@@ -6,7 +6,8 @@ it. From jax 0.11 on the cure is not needed, and the unknown option would be an 
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import cached_property, update_wrapper
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
+
+from drpbench.errors import DrpbenchError
 
 
 def jit(function: Callable, **options: Any) -> Callable:
@@ -39,13 +42,52 @@ class _Jitted:
         return jax.jit(self._function, **options)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        return self._compiled(*args, **kwargs)
+        with pinned():
+            return self._compiled(*args, **kwargs)
 
     def __getattr__(self, name: str) -> Any:
         """`lower`, `trace` and what else a jitted function has."""
         if name.startswith("__"):
             raise AttributeError(name)
         return getattr(self._compiled, name)
+
+
+@contextmanager
+def pinned() -> Iterator[None]:
+    """What JAX's configuration can change of a number, as drpbench means it: random streams,
+    precision, promotion of types and shapes. For this thread; also a decorator.
+
+    A user's environment (`JAX_ENABLE_X64=1`, `JAX_DEFAULT_PRNG_IMPL=rbg`) or a policy's module may
+    set it otherwise for their own code.
+    """
+    with ExitStack() as stack:
+        for setting in (
+            jax.enable_x64(False),
+            jax.default_prng_impl("threefry2x32"),
+            jax.threefry_partitionable(True),
+            jax.default_matmul_precision(None),
+            jax.numpy_dtype_promotion("standard"),
+            jax.numpy_rank_promotion("allow"),
+            jax.debug_nans(False),
+            jax.debug_infs(False),
+        ):
+            stack.enter_context(setting)
+        yield
+
+
+def require_backend() -> None:
+    """Raises DrpbenchError, one line, where JAX has no backend to compute on."""
+    try:
+        jax.devices()
+    except Exception as error:  # an AssertionError without a word, a RuntimeError with many
+        asked = os.environ.get("JAX_PLATFORMS", "")
+        told = " ".join(str(error).split())[:200]
+        where = f"JAX_PLATFORMS={asked}: " if asked else ""
+        raise DrpbenchError(
+            f"{where}expected a device that JAX can compute on, got none"
+            + (f" ({told})" if told else "")
+            + ("; unset JAX_PLATFORMS or set it to cpu" if asked else "")
+        ) from None
 
 
 def short_loops_unrolled() -> bool:
@@ -77,7 +119,8 @@ def stored(
 
 def use_cache() -> None:
     """Keeps compiled programs between runs, in the user's cache folder (`DRPBENCH_CACHE` names
-    another, `off` none)."""
+    another, `off` none). Raises DrpbenchError where there is nothing to compile for."""
+    require_backend()
     named = os.environ.get("DRPBENCH_CACHE", "")
     if named.lower() == "off":
         return

@@ -1,7 +1,10 @@
 """The command line: thin, one function a command. Everything heavy is imported inside."""
 
+import io
+import os
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -43,8 +46,12 @@ app.add_typer(problems_app, name="problems")
 def main() -> None:
     """Entry point. Bad input ends in one line on stderr and exit code 2, and nothing is
     overwritten."""
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal that knows few letters shows a question mark, and the command goes on.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     try:
-        app(cli_recording.with_all(sys.argv[1:]))
+        app(cli_recording.with_all(at_home(sys.argv[1:])))
     except KeyboardInterrupt:
         again = {"run": "; go on with --resume", "train": "; go on with --resume"}
         again |= dict.fromkeys(("data", "correct"), "; the same command goes on where it stopped")
@@ -54,6 +61,44 @@ def main() -> None:
     except DrpbenchError as error:
         print(f"drpbench: {error}", file=sys.stderr)
         sys.exit(2)
+    except BrokenPipeError:  # whoever reads has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        kept = "; the rows so far are kept" if sys.argv[1:2] == ["run"] else ""
+        print(f"drpbench: {where}{(error.strerror or str(error)).lower()}{kept}", file=sys.stderr)
+        sys.exit(2)
+
+
+def at_home(arguments: Sequence[str]) -> list[str]:
+    """`--out=~/x.json` as the shell has it after a space: with the user's folder in it."""
+    found = []
+    for argument in arguments:
+        name, equals, value = argument.partition("=")
+        expands = name.startswith("--") and equals and value[:1] == "~"
+        found.append(f"{name}={os.path.expanduser(value)}" if expands else argument)
+    return found
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from drpbench import __version__
+
+        typer.echo(f"drpbench {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", is_eager=True, callback=_show_version, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    pass
 
 
 def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
@@ -164,13 +209,14 @@ def run(
 
     use_cache()
     import jax
-    from rich.console import Console
 
     from drpbench.evaluation import Request
     from drpbench.evaluation import run as run_request
     from drpbench.evaluation.progress import Bars
     from drpbench.ranking import build, render_entry
     from drpbench.rollout import LANES
+
+    from .terminal import console_of
 
     default = LANES if jax.default_backend() == "cpu" else 2048
     recorder = None
@@ -189,7 +235,7 @@ def run(
         save_trajectories=save_trajectories,
         watch=recorder.watch if recorder else None,
     )
-    console = Console()
+    console = console_of()
     with recorder or nullcontext(), Bars(console, policy) as progress:
         result = run_request(request, progress)
     console.print(render_entry(build({out.name: result}, sizes).entries[0]))
@@ -239,11 +285,11 @@ def leaderboard(
     if format in texts:
         print(texts[format](board), end="")
         return
-    from rich.console import Console
-
     from drpbench.ranking.tables import SHORT, render_terminal, width_needed
 
-    console, wanted = Console(), measure or SHORT
+    from .terminal import console_of
+
+    console, wanted = console_of(), measure or SHORT
     if not console.is_terminal:
         console.width = max(console.width, width_needed(board, wanted))
     console.print(render_terminal(board, console, wanted))
@@ -252,14 +298,12 @@ def leaderboard(
 @app.command("list")
 def list_() -> None:
     """List the tasks and the policies."""
-    from rich.console import Console
-
     from drpbench.envs import TASKS
     from drpbench.plugins.imported import installed
     from drpbench.plugins.registry import POLICIES, WRAPPERS
     from drpbench.problems import load_set
 
-    from .terminal import listing
+    from .terminal import console_of, listing
 
     sizes = load_set().counts
     tasks = [(name, f"{task.title}, {sizes[name]} problems") for name, task in TASKS.items()]
@@ -267,7 +311,7 @@ def list_() -> None:
     policies += [(name, f"installed: {entry.value}") for name, entry in installed().items()]
     policies += [("module:Class", "yours, by import path (docs/your-policy.md)")]
     policies += [(f"…+{name}", about) for name, (_, about) in WRAPPERS.items()]
-    Console().print(listing({"Tasks": tasks, "Policies": policies}))
+    console_of().print(listing({"Tasks": tasks, "Policies": policies}))
 
 
 @app.command("new-policy")
@@ -296,15 +340,13 @@ def show(
     problems_from: ProblemsFrom = None,
 ) -> None:
     """Print one problem."""
-    from rich.console import Console
-
     from drpbench.problems import load_set, to_json
 
-    from .terminal import problem_card
+    from .terminal import console_of, problem_card
 
     problem_set = given_set(problems_from) or load_set()
     problems = problem_set.task(one_task(task, problem_set))
-    Console().print(problem_card(to_json(problems, id)))
+    console_of().print(problem_card(to_json(problems, id)))
 
 
 @problems_app.command("export")
@@ -334,14 +376,12 @@ def doctor() -> None:
     from drpbench.compile import use_cache
 
     use_cache()
-    from rich.console import Console
-
     from drpbench.evaluation import examine
 
-    from .terminal import diagnosis
+    from .terminal import console_of, diagnosis
 
     report = examine()
-    Console().print(diagnosis(report))
+    console_of().print(diagnosis(report))
     if not report.healthy:
         raise typer.Exit(1)
 
@@ -354,7 +394,6 @@ def referee(
     problems_from: ProblemsFrom = None,
 ) -> None:
     """Judge recorded episodes again, in C MuJoCo with the real meshes, and compare the verdicts."""
-    from rich.console import Console
     from rich.progress import track
 
     from drpbench.evaluation.referee import agreement, judgements
@@ -362,7 +401,7 @@ def referee(
     from drpbench.results.names import trajectories_file
     from drpbench.results.trajectories import load_trajectories
 
-    from .terminal import listing
+    from .terminal import console_of, listing
 
     run = load(result)
     recorded = trajectories_file(result)
@@ -372,7 +411,7 @@ def referee(
         trajectories = load_trajectories(recorded)
     except ValueError as error:
         raise InputError(str(error)) from None
-    console = Console()
+    console = console_of()
     problem_set = set_of_results({str(result): run}, problems_from)
     judging = judgements(run, trajectories, problem_set)
     figures = agreement(

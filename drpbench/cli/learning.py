@@ -42,12 +42,10 @@ def data(
     from drpbench.compile import use_cache
 
     use_cache()
-    from rich.console import Console
-
-    from .terminal import DataProgress
+    from .terminal import DataProgress, console_of
 
     numbers = range(first, first + count)
-    with DataProgress(Console(), count) as progress:
+    with DataProgress(console_of(), count) as progress:
         fill(shards, numbers, workers, progress.advance)
     counts = shards.counts
     typer.echo(
@@ -100,11 +98,9 @@ def correct(
     from drpbench.compile import use_cache
 
     use_cache()
-    from rich.console import Console
+    from .terminal import DataProgress, console_of
 
-    from .terminal import DataProgress
-
-    with DataProgress(Console(), count, ("demonstrations", "corrections")) as progress:
+    with DataProgress(console_of(), count, ("demonstrations", "corrections")) as progress:
         fill_corrections(shards, policy, there, count, seed, progress.advance)
     counts = shards.counts
     typer.echo(
@@ -203,7 +199,6 @@ def train(
     from contextlib import AbstractContextManager, nullcontext
 
     import jax
-    from rich.console import Console
 
     from drpbench.learning.cloning import CloningSettings
     from drpbench.learning.feed import Feed, Folder, Stream
@@ -211,7 +206,7 @@ def train(
     from drpbench.learning.train import Run
     from drpbench.learning.train import train as train_run
 
-    from .terminal import TrainingProgress
+    from .terminal import TrainingProgress, console_of
 
     default = "float32" if jax.default_backend() == "cpu" else "bfloat16"
     settings = CloningSettings(
@@ -237,7 +232,7 @@ def train(
         if demonstrations
         else Stream(capacity, workers=workers)
     )
-    with source as feed, TrainingProgress(Console(), steps) as progress:
+    with source as feed, TrainingProgress(console_of(), steps) as progress:
         train_run(wanted, feed, progress.line)
     typer.echo(
         f"weights in {out / 'weights.safetensors'}; run them with --policy "

@@ -101,15 +101,15 @@ def replay(
     from drpbench.compile import use_cache
 
     use_cache()
-    from rich.console import Console
-
     from drpbench.recording import Recorder, Replayer
     from drpbench.results import load
     from drpbench.results.names import recordings_folder
 
+    from .terminal import console_of
+
     run = load(result)
     header, folder = run.header, out or recordings_folder(result)
-    console = Console()
+    console = console_of()
     with console.status("replaying") as status:
         done = 0
 

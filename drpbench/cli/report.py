@@ -65,14 +65,14 @@ def _pictures(
     saved = any(trajectories_file(folder / name).is_file() for name in results)
     if thumbnails == 0 or (thumbnails is None and not saved):
         return {}
-    from rich.console import Console
-
     from drpbench.compile import use_cache
     from drpbench.recording import RecordingError
     from drpbench.report.pictures import pictures
 
+    from .terminal import console_of
+
     use_cache()
-    console = Console()
+    console = console_of()
 
     def remark(told: str) -> None:
         console.print(told, style="yellow", highlight=False, soft_wrap=True)

@@ -21,14 +21,12 @@ def submit(
     The exit code is 0 for a full entry, 1 if something is missing, and 2 for a file that is damaged
     or contradicts itself.
     """
-    from rich.console import Console
-
     from drpbench.ranking import load_dir, render_entry
     from drpbench.ranking.submission import assess
     from drpbench.results import load
     from drpbench.results.shipped import shipped_results
 
-    from .terminal import listing
+    from .terminal import console_of, listing
 
     names = [str(path) for path in results]
     if len(set(names)) < len(names):
@@ -39,7 +37,7 @@ def submit(
         for standing in found.standings
         if standing.place is not None
     ]
-    console = Console()
+    console = console_of()
     console.print(render_entry(found.entry))
     sections = {
         "By success, among the shipped results": places or [("none", "no task is complete")],
@@ -82,12 +80,12 @@ def verify(
     from drpbench.compile import use_cache
 
     use_cache()
-    from rich.console import Console
-
     from drpbench.evaluation import verification
     from drpbench.evaluation.progress import Bars
 
-    console = Console()
+    from .terminal import console_of
+
+    console = console_of()
     with Bars(console, was.header.policy) as progress:
         found = verification.verify(str(result), was, sample, seed, progress, problem_set)
     for line in _told(found):

@@ -10,6 +10,11 @@ from rich.text import Text
 from drpbench.evaluation.progress import bars
 
 
+def console_of() -> Console:
+    """The terminal's. What it prints is text: a name in brackets is no markup."""
+    return Console(markup=False, highlight=False)
+
+
 class DataProgress:
     """A bar of problems drawn, and how many were solved; plain lines without a terminal.
 

@@ -56,14 +56,14 @@ def view(
     from drpbench.compile import use_cache
 
     use_cache()
-    from rich.console import Console
-
     from drpbench.evaluation.run import world_of
     from drpbench.plugins.registry import choose
     from drpbench.viewer import Simulation
     from drpbench.viewer.page import Page
 
-    console = Console()
+    from .terminal import console_of
+
+    console = console_of()
     choice = choose(policy, policy_arg or (), time_limit)
     simulation = Simulation(world_of(problem_set, name), choice.policy, problems, seed)
     page = None

@@ -22,7 +22,7 @@ from drpbench.policies.networks.set_abstraction import check_neighbourhoods
 from drpbench.problems import ProblemSetError, load_set
 from drpbench.robot import PANDA, Robot
 
-from .run import device_name, versions
+from .machine import device_name, processor, versions
 
 _SIZE = 0.03  # [m] half size of the probes
 _DRAWN = 7  # configurations, beside the home posture
@@ -44,6 +44,7 @@ class Report:
 def examine(robot: Robot = PANDA) -> Report:
     """Everything `drpbench doctor` prints."""
     report = Report(facts={**versions(), "device": f"{device_name()} ({jax.default_backend()})"})
+    report.facts["processor"] = processor()
     try:
         sizes = load_set().counts
         detail = ", ".join(f"{task} {count}" for task, count in sizes.items())

@@ -171,7 +171,7 @@ def _result_file(out: str | Path | None) -> Iterator[Path]:
 @contextmanager
 def _shown(progress: bool | RunProgress, policy: str) -> Iterator[RunProgress]:
     if progress is True:
-        with Bars(Console(), policy) as bars:
+        with Bars(Console(markup=False, highlight=False), policy) as bars:
             yield bars
     else:
         yield Silent() if progress is False else progress

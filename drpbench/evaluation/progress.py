@@ -88,10 +88,10 @@ class Bars:
 def bars(console: Console) -> Progress:
     """Bars with a name, a share, what is told of them, and times; nothing without a terminal."""
     return Progress(
-        TextColumn("{task.description:<5}"),
+        TextColumn("{task.description:<5}", markup=False),
         BarColumn(bar_width=None),
         TextColumn("{task.percentage:>3.0f}%"),
-        TextColumn("{task.fields[told]}"),
+        TextColumn("{task.fields[told]}", markup=False),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
         console=console,

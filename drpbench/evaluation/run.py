@@ -1,16 +1,13 @@
 """A whole run: every problem asked for exactly once, in batches, safe on disk after each."""
 
 import datetime
-import importlib.metadata
 import platform
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import jax
-
-from drpbench import __version__
+from drpbench.compile import pinned
 from drpbench.contract import PROTOCOL, Policy
 from drpbench.envs import TASKS, World
 from drpbench.perception import SurfaceCloud
@@ -22,6 +19,7 @@ from drpbench.results import Header, Journal, Result
 from drpbench.results.trajectories import Trajectories
 from drpbench.rollout import LANES, Rollout, Trace
 
+from .machine import device_name, environment, processor, versions
 from .metrics import rows as rows_of
 from .progress import RunProgress
 
@@ -52,25 +50,6 @@ class Request:
     watch: Watch | None = None
 
 
-def device_name() -> str:
-    """The accelerator or processor that JAX runs on."""
-    device = jax.devices()[0]
-    if device.platform != "cpu":
-        return device.device_kind
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
-    except (OSError, StopIteration):
-        return platform.processor() or "cpu"
-
-
-def versions() -> dict[str, str]:
-    """The version of each software that moves a number."""
-    packages = ("jax", "jaxlib", "mujoco", "mujoco-mjx", "numpy")
-    found = {name: importlib.metadata.version(name) for name in packages}
-    return {"drpbench": __version__, "python": platform.python_version(), **found}
-
-
 def world_of(problem_set: ProblemSet, task: str) -> World:
     """The world of one task of a set: its arm, and a sensor that knows whether there is ground.
 
@@ -85,6 +64,7 @@ def world_of(problem_set: ProblemSet, task: str) -> World:
     return World(TASKS[task], problem_set.robot, sensor=SurfaceCloud(ground=problem_set.ground))
 
 
+@pinned()
 def run(request: Request, progress: RunProgress) -> Result:
     """Runs what is asked for, or what is left of it, and writes the result file.
 
@@ -110,6 +90,8 @@ def run(request: Request, progress: RunProgress) -> Result:
         seed=request.seed,
         precision="float32",
         device=device_name(),
+        processor=processor(),
+        environment=environment(),
         batch_size=request.batch_size,
         versions=versions(),
         platform=platform.platform(),

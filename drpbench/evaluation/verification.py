@@ -121,4 +121,7 @@ def _differences(was: Row, now: Row) -> list[Difference]:
 def _elsewhere(was: Header, now: Header) -> tuple[str, ...]:
     pairs = {key: (value, now.versions.get(key)) for key, value in was.versions.items()}
     pairs |= {"device": (was.device, now.device), "platform": (was.platform, now.platform)}
+    pairs |= {"processor": (was.processor or "unknown", now.processor)}
+    for name in sorted(was.environment.keys() | now.environment.keys()):
+        pairs[name] = (was.environment.get(name, "unset"), now.environment.get(name, "unset"))
     return tuple(f"{key} {a} then, {b} now" for key, (a, b) in pairs.items() if a != b)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from drpbench.errors import DrpbenchError
-from drpbench.evaluation.run import device_name
+from drpbench.evaluation.machine import device_name
 from drpbench.generation.training_problems import ABROAD
 from drpbench.policies.networks.impact_format import ImpactFormat
 from drpbench.policies.weights import checksum, load_parameters, save

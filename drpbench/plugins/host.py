@@ -153,14 +153,22 @@ def _serve(calls: queue.SimpleQueue, answers: queue.SimpleQueue) -> None:
 
 def answered(answer: Any, count: int, joints: int) -> np.ndarray:
     """An answer as (count, joints) float32. Raises Failed for what is none."""
-    if hasattr(answer, "detach"):  # a tensor, on whatever device
-        answer = np.from_dlpack(answer.detach().cpu().float())
+    kind = type(answer).__name__
     try:
+        if hasattr(answer, "detach"):  # a tensor, on whatever device
+            answer = answer.detach().cpu()
+            # As numbers of any precision, but never a truth as 0 and 1 rad.
+            said = str(getattr(answer, "dtype", ""))
+            if "bool" in said or "complex" in said:
+                raise Failed(f"answer: {kind} of {said}, not numbers")
+            answer = np.from_dlpack(answer.float())
         targets = np.asarray(answer)
+    except Failed:
+        raise
     except Exception as error:
-        raise Failed(f"answer: {type(answer).__name__} is no array: {told(error)}") from None
+        raise Failed(f"answer: {kind} is no array: {told(error)}") from None
     if targets.dtype.kind not in "fiu":
-        raise Failed(f"answer: {type(answer).__name__} of {targets.dtype}, not numbers")
+        raise Failed(f"answer: {kind} of {targets.dtype}, not numbers")
     if targets.shape != (count, joints):
         raise Failed(f"shape: {targets.shape}, not {(count, joints)}")
     with np.errstate(over="ignore"):

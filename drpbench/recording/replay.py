@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from drpbench.evaluation.machine import device_name, versions
 from drpbench.evaluation.rerun import rerun
-from drpbench.evaluation.run import device_name, versions, world_of
+from drpbench.evaluation.run import world_of
 from drpbench.problems import ProblemSet
 from drpbench.ranking.submission import check, set_of
 from drpbench.results import Header, Result, Row

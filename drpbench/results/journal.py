@@ -9,6 +9,7 @@ appended row and repeats none.
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Iterable, Mapping
 from io import FileIO
@@ -26,7 +27,7 @@ try:
 except ImportError:  # not POSIX: two runs on one file are then not kept apart
     fcntl = None  # type: ignore[assignment]
 
-MAY_DIFFER = frozenset({"batch_size", "platform", "created", "wall_seconds"})
+MAY_DIFFER = frozenset({"about", "batch_size", "platform", "created", "wall_seconds"})
 """The header's fields that move no number; a resumed run keeps those of its beginning."""
 
 
@@ -71,6 +72,8 @@ class Journal:
         if path.exists():
             raise ResultsError(f"{path}: exists; nothing overwritten. Name another file with --out")
         if partial.exists():
+            with contextlib.suppress(OSError), partial.open("rb", buffering=0) as there:
+                _lock(there, partial)  # its run may be alive
             raise ResultsError(
                 f"{partial}: holds an unfinished run; continue it with --resume,"
                 " or name another file with --out"
@@ -228,6 +231,9 @@ class Journal:
         return self
 
     def __exit__(self, *_: object) -> None:
+        # A run that failed before its first row leaves nothing that could be resumed.
+        if self._file is not None and not self._rows:
+            _paths(self.path)[1].unlink(missing_ok=True)
         self.close()
 
     def _check(self, rows: Iterable[Row]) -> None:

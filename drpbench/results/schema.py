@@ -78,6 +78,12 @@ class Header(_Record):
     seed: int = Field(description="seed of the run")
     precision: Name = Field(description="floating-point type of the simulation: float32")
     device: Name = Field(description="accelerator or processor the run was made on")
+    processor: str = Field(
+        default="", description="processor's model, family and vector instructions"
+    )
+    environment: dict[str, str] = Field(
+        default_factory=dict, description="variables of JAX and XLA that were set"
+    )
     batch_size: PositiveInt = Field(description="instances simulated at once")
     versions: dict[str, str] = Field(description="version of each software that moves a number")
     platform: str = Field(description="operating system and machine")

@@ -330,3 +330,36 @@ def test_dlpack_hands_out_jaxs_own_memory(monkeypatch):
             shared = array.ctypes.data == leaf.unsafe_buffer_pointer()
             assert shared == (of.name != "scene_mask")
     assert context is nullcontext
+
+
+class Tensor:
+    """What `answered` knows of a tensor."""
+
+    def __init__(self, values, dtype="torch.float32", fails=""):
+        self.values, self.dtype, self.fails = np.asarray(values), dtype, fails
+
+    def detach(self):
+        if self.fails:
+            raise RuntimeError(self.fails)
+        return self
+
+    def cpu(self):
+        return self
+
+    def float(self):
+        return self.values.astype(np.float32)
+
+
+def test_a_tensor_costs_its_batch_and_never_the_run():
+    np.testing.assert_array_equal(answered(Tensor(np.ones((2, 7))), 2, 7), np.ones((2, 7)))
+    for answer, told in (
+        (Tensor(np.ones((2, 7)), fails="a sparse tensor"), "a sparse tensor"),
+        (Tensor(np.ones((2, 7)), "torch.bool"), "torch.bool, not numbers"),
+        (Tensor(np.ones((2, 7)), "torch.complex64"), "not numbers"),
+        (np.ones((2, 7), bool), "not numbers"),
+        (Tensor(np.ones((2, 6))), r"shape: \(2, 6\)"),
+        (None, "not numbers"),
+        ("left", "not numbers"),
+    ):
+        with pytest.raises(Failed, match=told):
+            answered(answer, 2, 7)

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import pytest
 
 from drpbench.envs import TASKS, World
+from drpbench.evaluation.machine import versions
 from drpbench.evaluation.metrics import rows
-from drpbench.evaluation.run import versions
 from drpbench.plugins.registry import parameters
 from drpbench.policies import DcpRmp, Straight
 from drpbench.problems import load_set

@@ -369,3 +369,20 @@ def test_a_kill_inside_an_append_resumes(path, partial, make_header, child):
     assert safe.isdisjoint(map(int, told.split()))
     assert [row.id for row in load(path).rows] == list(range(6000))
     assert not partial.exists()
+
+
+def test_a_run_that_failed_before_its_first_row_blocks_no_other(tmp_path, make_header):
+    path = tmp_path / "run.json"
+    with pytest.raises(RuntimeError), Journal.create(path, make_header()):
+        raise RuntimeError
+    assert list(tmp_path.iterdir()) == []
+    Journal.create(path, make_header()).close()
+
+
+def test_a_run_that_is_alive_is_not_to_be_resumed(tmp_path, make_header):
+    path = tmp_path / "run.json"
+    with (
+        Journal.create(path, make_header()),
+        pytest.raises(ResultsError, match="another run is writing to it"),
+    ):
+        Journal.create(path, make_header())
