@@ -36,7 +36,7 @@ Seed = Annotated[int, typer.Option(help="The seed of everything random. Compare 
 def check_limits(time_limit: float, seed: int) -> None:
     """Refuses what no run can have."""
     if not 0.0 < time_limit < float("inf"):
-        raise InputError(f"--time-limit {time_limit:g}: seconds above 0 are meant")
+        raise InputError(f"--time-limit {time_limit:g}: expected seconds above 0")
     if not -(2**31) <= seed < 2**31:
         raise InputError(f"--seed {seed}: must fit 32 bits")
 

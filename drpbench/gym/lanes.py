@@ -47,6 +47,13 @@ class Lanes:
         self._verdict: Verdict
 
     @property
+    def state(self) -> State:
+        """Of every lane, now; RuntimeError where no episode was begun."""
+        if self.clock == 0 or hasattr(self, "_state"):
+            return self._state
+        raise RuntimeError("no episode to look at: reset()")
+
+    @property
     def over(self) -> bool:
         """Whether there is no step to take: no episode was begun, or its last step was taken."""
         return self.clock >= self.world.episode.steps

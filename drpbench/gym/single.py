@@ -27,8 +27,17 @@ class SingleEnv(gymnasium.Env):
         problems: str | ProblemSet = "frozen",
         run_seed: int = 0,
         episode: Episode = EPISODE,
+        render_mode: str | None = None,
     ):
-        self._one = VectorEnv(1, task=task, problems=problems, run_seed=run_seed, episode=episode)
+        self._one = VectorEnv(
+            1,
+            task=task,
+            problems=problems,
+            run_seed=run_seed,
+            episode=episode,
+            render_mode=render_mode,
+        )
+        self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": self._one.metadata["render_fps"]}
         self.observation_space = self._one.single_observation_space
         self.action_space = self._one.single_action_space
@@ -59,6 +68,15 @@ class SingleEnv(gymnasium.Env):
             raise ValueError(f"the action has shape {targets.shape}, not {self.action_space.shape}")
         observation, reward, _, truncated, info = self._one.step(targets[None])
         return _first(observation), float(reward[0]), False, bool(truncated[0]), _plain(info)
+
+    def render(self) -> np.ndarray | None:
+        """A picture (480, 640, 3) uint8, or None without a render mode. See `VectorEnv.render`."""
+        pictures = self._one.render()
+        return None if pictures is None else pictures[0]
+
+    def close(self) -> None:
+        """Gives the drawing buffer back."""
+        self._one.close()
 
 
 def _first(observation: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

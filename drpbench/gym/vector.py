@@ -1,5 +1,6 @@
 """The vector environment: `gymnasium.make_vec("drpbench/FDO-v1", num_envs=64)`."""
 
+import os
 from dataclasses import replace
 from typing import Any
 
@@ -15,9 +16,11 @@ from drpbench.evaluation.run import world_of
 from drpbench.problems import ProblemSet, load_set
 
 from .lanes import Lanes, Outcome
+from .picture import Picture
 from .served import source
 from .spaces import action_space, as_dict, observation_space
 
+_PROCESS = os.getpid()
 _OPTIONS = ("id", "reset_mask")
 _MEASURES = ("clearance", "position_error", "orientation_error")
 _VERDICT = ("reached", "collided", "finite", "valid")
@@ -39,13 +42,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             ProblemSet.
         run_seed: the seed of `drpbench run`: of point clouds and of how boxes move.
         episode: how long an episode is; another one than the benchmark's is for trying things out.
+        render_mode: "rgb_array" to draw lanes with `render` (`drpbench.gym.picture`), or None.
 
     Raises:
         ValueError: an argument is not one of those.
     """
 
     metadata = {
-        "render_modes": [],
+        "render_modes": ["rgb_array"],
         "render_fps": round(1.0 / EPISODE.period),
         "autoreset_mode": AutoresetMode.DISABLED,
     }
@@ -58,7 +62,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         problems: str | ProblemSet = "frozen",
         run_seed: int = 0,
         episode: Episode = EPISODE,
+        render_mode: str | None = None,
     ):
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode={render_mode!r}: expected 'rgb_array' or None")
+        self.render_mode = render_mode
         if num_envs < 1:
             raise ValueError(f"num_envs={num_envs}: must be at least 1")
         if task not in TASKS:
@@ -76,6 +84,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._problems = source(problem_set if problems == "frozen" else problems, world)
         self._lanes = Lanes(world, num_envs, run_seed, self._problems.stream)
         self._ids: list[int] = []
+        self._picture: Picture | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -89,7 +98,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
         Raises:
             ValueError: an option is unknown, or names no problem.
+            RuntimeError: this process was forked from one that had imported drpbench.
         """
+        _require_own_process()  # here, and not before: Gymnasium's workers pass this error on
         super().reset(seed=seed)
         ids = self._asked_for(options or {})
         if seed is not None:
@@ -117,6 +128,26 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         truncated = np.full(self.num_envs, over)
         return as_dict(observation), reward, terminated, truncated, self._info(outcome)
 
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """A picture (480, 640, 3) uint8 of each lane, or None without a render mode.
+
+        Raises:
+            RecordingError: nothing can be drawn here.
+            RuntimeError: no episode was begun.
+        """
+        if self.render_mode is None:
+            return None
+        states, clock = self._lanes.state, self._lanes.clock
+        if self._picture is None:
+            self._picture = Picture(self._lanes.world)
+        return tuple(self._picture.draw(states, lane, clock) for lane in range(self.num_envs))
+
+    def close_extras(self, **_: Any) -> None:
+        """Gives the drawing buffer back."""
+        if self._picture is not None:
+            self._picture.close()
+            self._picture = None
+
     def _asked_for(self, options: dict[str, Any]) -> list[int] | None:
         """The ids that the options name, one a lane."""
         if unknown := sorted(set(options) - set(_OPTIONS)):
@@ -132,10 +163,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         ids = np.asarray(options["id"])
         shapes = [(self.num_envs,), *([()] if self.num_envs == 1 else [])]
         if ids.shape not in shapes or not np.issubdtype(ids.dtype, np.integer):
-            count = (
-                "a whole number is" if self.num_envs == 1 else f"{self.num_envs} whole numbers are"
+            count = "a whole number" if self.num_envs == 1 else f"{self.num_envs} whole numbers"
+            raise ValueError(
+                f"id: expected {count}, one for each environment, got {options['id']!r}"
             )
-            raise ValueError(f"id: {count} meant, one for each environment, not {options['id']!r}")
         listed = ids.reshape(-1).tolist()
         self._problems.require(listed)
         return listed
@@ -147,3 +178,13 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             info |= {name: np.array(getattr(outcome, name)) for name in _MEASURES}
             info |= {name: np.array(getattr(outcome.verdict, name)) for name in _VERDICT}
         return info | {f"_{name}": np.ones(self.num_envs, bool) for name in info}
+
+
+def _require_own_process() -> None:
+    """JAX does not survive a fork: a forked environment would hang in its first step."""
+    if os.getpid() != _PROCESS:
+        raise RuntimeError(
+            "drpbench environments cannot run in a forked process, for JAX cannot: expected "
+            "gymnasium.make_vec(id, num_envs=N), which runs all of them in one compiled program, "
+            "or vector_kwargs={'context': 'spawn'}"
+        )

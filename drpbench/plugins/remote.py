@@ -85,7 +85,7 @@ class Connection:
                 for a in header.get("arrays", ())
             ]
         except (ValueError, TypeError, KeyError, AttributeError):
-            raise Garbage("a header that is not the JSON meant") from None
+            raise Garbage("a header that is not the expected JSON") from None
         arrays = {}
         for name, dtype, shape in described:
             if dtype not in _DTYPES or not all(type(n) is int and n >= 0 for n in shape):

@@ -106,7 +106,9 @@ def write(name: str, folder: Path, taken: frozenset[str], spec: Spec | None = No
     """
     module = name.replace("-", "_")
     if not re.fullmatch(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*", name) or keyword.iskeyword(module):
-        raise PolicyError(f"{name!r}: small letters, digits and single dashes are meant: my-policy")
+        raise PolicyError(
+            f"expected small letters, digits and single dashes, as in my-policy, got {name!r}"
+        )
     if name in taken:
         raise PolicyError(f"{name!r} is a policy of drpbench already; choose another name")
     if importlib.util.find_spec(module):

@@ -54,15 +54,19 @@ class Stage:
         self.camera.lookat[:] = (0.28, 0.0, 0.37)
         self.camera.distance, self.camera.azimuth, self.camera.elevation = 1.8, 52.0, -24.0
 
-    def draw(self, episode: Recording, motion: Motion, instant: int) -> np.ndarray:
-        """The picture (height, width, 3) uint8 of an instant."""
+    def draw(
+        self, episode: Recording, motion: Motion, instant: int, time: float | None = None
+    ) -> np.ndarray:
+        """The picture (height, width, 3) uint8 of an instant; `time` [s] in its caption is the
+        instant's own unless given."""
+        time = instant * episode.world.episode.period if time is None else time
         self._show_arm(episode.joint_position[instant])
         if link := motion.touched(instant):
             self._paint(CONTACT, link)
             self._add(SPHERE, (0.018,) * 3, motion.contact_point[instant], np.eye(3), CONTACT)
         for obstacle in _obstacles(episode, instant):
             self._add(*obstacle)
-        caption = f"{episode.task} {episode.id}   {instant * episode.world.episode.period:4.1f} s"
+        caption = f"{episode.task} {episode.id}   {time:4.1f} s"
         picture, depth = self._canvas.draw(self._scene, caption)
         ghost, ghost_depth = self._ghost_of(episode)
         seen = ghost_depth < depth - _APART

@@ -1,5 +1,6 @@
 """One environment, as Gymnasium's own checkers see it."""
 
+import importlib.util
 import subprocess
 import sys
 import warnings
@@ -65,3 +66,32 @@ def test_without_gymnasium_the_extra_is_named():
     assert shown.returncode == 1
     last = shown.stderr.strip().splitlines()[-1]
     assert last == "ImportError: drpbench.gym needs Gymnasium: pip install 'drpbench[gym]'"
+
+
+def test_it_draws_what_is_there(tmp_path):
+    with pytest.raises(ValueError, match="expected 'rgb_array' or None"):
+        gymnasium.make("drpbench/FDO-v1", render_mode="human", disable_env_checker=True).reset()
+    env = gymnasium.make("drpbench/FDO-v1", render_mode="rgb_array")
+    assert env.metadata["render_modes"] == ["rgb_array"]
+    env = gymnasium.wrappers.RecordVideo(env, str(tmp_path)) if _films() else env
+    observation, _ = env.reset(options={"id": 3})
+    before = env.render() if not _films() else env.unwrapped.render()
+    assert before.shape == (480, 640, 3) and before.dtype == np.uint8 and before.std() > 10
+    for _ in range(20):
+        env.step(observation["goal_joints"])
+    after = env.unwrapped.render()
+    assert (np.abs(after.astype(int) - before).max(axis=-1) > 30).mean() > 0.005  # the arm moved
+    env.close()
+    assert not _films() or any(tmp_path.glob("*.mp4"))
+
+
+def _films():
+    """Whether RecordVideo's own dependency is here."""
+    return importlib.util.find_spec("moviepy") is not None
+
+
+def test_a_forked_process_is_told_what_to_use_instead():
+    envs = gymnasium.make_vec("drpbench/FDO-v1", num_envs=1, vectorization_mode="async")
+    with pytest.raises(RuntimeError, match="expected gymnasium.make_vec"):
+        envs.reset()
+    envs.close(terminate=True)

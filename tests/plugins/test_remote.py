@@ -193,9 +193,9 @@ def raw(header):
     [
         (b"HTTP/1.1 400 Bad Request\r\n\r\n", "an answer begins with b'HTTP', not b'DRP1'"),
         (b"DRP1\xff\xff\xff\xff", "a header of 4294967295 bytes"),
-        (raw(b"nonsense"), "not the JSON meant"),
-        (raw([1, 2]), "not the JSON meant"),
-        (raw({"kind": "hello", "arrays": [{"name": "x"}]}), "not the JSON meant"),
+        (raw(b"nonsense"), "not the expected JSON"),
+        (raw([1, 2]), "not the expected JSON"),
+        (raw({"kind": "hello", "arrays": [{"name": "x"}]}), "not the expected JSON"),
         (raw({"arrays": [{"name": "x", "dtype": "|O8", "shape": [1]}]}), "an array of |O8"),
         (raw({"arrays": [{"name": "x", "dtype": "<f4", "shape": [-1]}]}), "shape (-1,)"),
         (raw({"arrays": [{"name": "x", "dtype": "<f4", "shape": [1 << 40]}]}), "bytes"),
