@@ -27,21 +27,19 @@ class Picture:
     def draw(self, states: State, lane: int, clock: int) -> np.ndarray:
         """The picture (480, 640, 3) uint8 of a lane, `clock` control steps after its episode
         began."""
-        state = jax.tree.map(lambda leaf: np.asarray(leaf[lane]), states)
-        movers = state.movers
+        state = jax.tree.map(lambda leaf: leaf[lane], states)
+        movers = {
+            name: np.asarray(getattr(state.movers, name))[None]
+            for name in ("half_size", "rotation", "position", "active")
+        }
         now = Recording(
             world=self._world,
             id=int(state.problem.id),
             problem=state.problem,
             state=state,
-            joint_position=state.joint_position[None],
-            joint_velocity=state.joint_velocity[None],
-            boxes=Boxes(
-                half_size=movers.half_size[None],
-                rotation=movers.rotation[None],
-                position=movers.position[None],
-                active=movers.active[None],
-            ),
+            joint_position=np.asarray(state.joint_position)[None],
+            joint_velocity=np.asarray(state.joint_velocity)[None],
+            boxes=Boxes(**movers),
         )
         return self._stage.draw(now, motion(now), 0, clock * self._world.episode.period)
 

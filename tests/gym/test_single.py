@@ -70,7 +70,7 @@ def test_without_gymnasium_the_extra_is_named():
 
 def test_it_draws_what_is_there(tmp_path):
     with pytest.raises(ValueError, match="expected 'rgb_array' or None"):
-        gymnasium.make("drpbench/FDO-v1", render_mode="human", disable_env_checker=True).reset()
+        drpbench.gym.SingleEnv(task="FDO", render_mode="human")
     env = gymnasium.make("drpbench/FDO-v1", render_mode="rgb_array")
     assert env.metadata["render_modes"] == ["rgb_array"]
     env = gymnasium.wrappers.RecordVideo(env, str(tmp_path)) if _films() else env
