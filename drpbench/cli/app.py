@@ -171,6 +171,12 @@ def run(
             help="The result file; .json.gz compresses it [default: runs/POLICY-TASK.json]"
         ),
     ] = None,
+    isolated: Annotated[
+        bool,
+        typer.Option(
+            "--isolated", help="Keep the policy in a process that does not keep the score."
+        ),
+    ] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run.")] = False,
     batch_size: Annotated[
         int | None, typer.Option(help="How many episodes run at once [default: 64; 2048 on a GPU]")
@@ -230,6 +236,7 @@ def run(
         out=out,
         problem_set=problem_set,
         seed=seed,
+        isolated=isolated,
         batch_size=batch_size or default,
         resume=resume,
         save_trajectories=save_trajectories,
@@ -370,6 +377,43 @@ def export(
     typer.echo(f"wrote {out}")
 
 
+@problems_app.command("draw")
+def draw(
+    seed_file: Annotated[
+        Path, typer.Option(help="A file of at least 16 secret bytes: head -c 32 /dev/urandom.")
+    ],
+    out: Annotated[Path, typer.Option(help="The file of JSON lines to write.")],
+    count: Annotated[
+        int | None,
+        typer.Option(help="How many of each task at most [default: as many as drpbench-v1 has]"),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="How many processes draw [default: one a core]")
+    ] = None,
+) -> None:
+    """Draw a sealed problem set: the benchmark's families and numbers, from a secret.
+
+    The same command continues where it stopped. Run a policy on it with --problems-from.
+    """
+    if count is not None and count < 1:
+        raise InputError(f"--count {count}: must be at least 1")
+    if workers is not None and workers < 1:
+        raise InputError(f"--workers {workers}: must be at least 1")
+    if out.suffix != ".jsonl":
+        raise InputError(f"--out {out}: the problem set must end in .jsonl")
+    from drpbench.generation import sealed
+
+    from .terminal import DataProgress, console_of
+
+    secret, wanted = sealed.secret_of(seed_file), sealed.counts(count)
+    total = sum(wanted.values())
+    with DataProgress(console_of(), total, ("drawn", "certified")) as progress:
+        sealed.draw(
+            out, secret, wanted, workers or os.cpu_count() or 1, lambda n: progress.advance(n, n)
+        )
+    typer.echo(f"wrote {out}: {total} problems, {sealed.name_of(secret)}; keep {seed_file} secret")
+
+
 @app.command()
 def doctor() -> None:
     """Print versions and device, and test the verdict: it must see every link in every shape."""
@@ -427,6 +471,7 @@ app.command()(cli_recording.replay)
 app.command()(cli_report.report)
 app.command()(cli_results.submit)
 app.command()(cli_results.verify)
+app.command()(cli_results.difference)
 app.command()(cli_view.view)
 
 

@@ -59,6 +59,25 @@ def _line(text: str) -> tuple[str, str]:
     return name, rest
 
 
+def difference(
+    first: Annotated[Path, typer.Argument(help="A result, such as one on the public problems.")],
+    second: Annotated[Path, typer.Argument(help="Another, such as one on a sealed set.")],
+) -> None:
+    """Print how much the success rates of two runs on different problems differ, by task.
+
+    Each difference has Newcombe's 95 % interval. Runs on the same problems are compared in pairs by
+    drpbench leaderboard.
+    """
+    from drpbench.ranking.sealed import differences
+    from drpbench.results import load
+
+    from .terminal import console_of
+
+    lines = differences({str(path): load(path) for path in (first, second)})
+    for line in lines:
+        console_of().print(line, soft_wrap=True)
+
+
 def verify(
     result: Annotated[Path, typer.Argument(help="The result file of a run.")],
     sample: Annotated[int, typer.Option(help="How many rows to run again.")] = 50,

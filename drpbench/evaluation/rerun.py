@@ -1,13 +1,14 @@
 """A run once more as it was run: the same policy with the same parameters, seed and batch size."""
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from drpbench.contract import PROTOCOL
 from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.host import TIME_LIMIT
-from drpbench.plugins.registry import choose
+from drpbench.plugins.isolation import is_ours, isolated
+from drpbench.plugins.registry import Choice, choose
 from drpbench.problems import ProblemSet
 from drpbench.ranking.submission import set_of
 from drpbench.results import Header, Result, ResultsError
@@ -31,6 +32,9 @@ def rerun(
 ) -> Result:
     """Runs problems (ids by task) again as a result's header says; nothing is left on the disk.
 
+    A policy that does not come with drpbench is kept in a process of its own: what it does to the
+    program is not done to this one.
+
     Args:
         name: what a message should call the result, usually its file.
         problem_set: the one that the result was made on, where it does not come with the package.
@@ -47,13 +51,15 @@ def rerun(
             "this drpbench cannot run it again as it was"
         )
     chosen = set_of(name, header, problem_set)
+    kept_out = not is_ours(header.policy) and not header.policy.startswith("remote:")
     with tempfile.TemporaryDirectory(prefix="drpbench-") as folder:
         request = Request(
             policy=header.policy,
             problems=problems,
             problem_set=chosen,
             out=Path(folder) / "again.json",
-            policy_arguments=arguments_of(name, header),
+            policy_arguments=arguments_of(name, header, _looked if kept_out else choose),
+            isolated=kept_out,
             seed=header.seed,
             batch_size=batch_size or header.batch_size,
             watch=watch,
@@ -72,8 +78,17 @@ def _time_limit(header: Header) -> float:
     return float(limit) if isinstance(limit, (int, float)) else TIME_LIMIT
 
 
-def arguments_of(name: str, header: Header) -> list[str]:
+def _looked(name: str, arguments: Sequence[str], time_limit: float) -> Choice:
+    """What `choose` finds, without the policy's code in this process. It can be asked nothing."""
+    with isolated(name, arguments, time_limit) as choice:
+        return choice
+
+
+def arguments_of(
+    name: str, header: Header, look: Callable[[str, Sequence[str], float], Choice] = choose
+) -> list[str]:
     """The `--policy-arg`s under which the policy has the parameters that a result's header states.
+    `look` finds it.
 
     Raises ResultsError, naming the result as `name`, where there are none such; PolicyError or
     WeightsError where the policy cannot be had at all.
@@ -82,14 +97,14 @@ def arguments_of(name: str, header: Header) -> list[str]:
         return []  # its parameters are set where it runs; it may answer one connection only
     stated, usual = header.policy_parameters, dict[str, Scalar | list[Scalar]]()
     try:
-        usual |= dict(choose(header.policy, (), _time_limit(header)).parameters)
+        usual |= dict(look(header.policy, (), _time_limit(header)).parameters)
     except PolicyError as error:
         if "needs a value" not in str(error):
             raise
     own, usual = _own(stated), _own(usual)
     arguments = [f"{key}={value}" for key, value in own.items() if usual.get(key, _ABSENT) != value]
     try:
-        choice = choose(header.policy, arguments, _time_limit(header))
+        choice = look(header.policy, arguments, _time_limit(header))
     except PolicyError as error:
         raise ResultsError(
             f"{name}: {header.policy} cannot be had as it was run: {error}"

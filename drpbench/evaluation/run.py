@@ -13,6 +13,7 @@ from drpbench.envs import TASKS, World
 from drpbench.perception import SurfaceCloud
 from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.host import TIME_LIMIT, Hosted
+from drpbench.plugins.isolation import isolated
 from drpbench.plugins.registry import Choice, choose
 from drpbench.problems import ProblemSet, ProblemSetError, load_set
 from drpbench.results import Header, Journal, Result
@@ -42,6 +43,8 @@ class Request:
     policy_arguments: Sequence[str] = ()
     choice: Choice | None = None
     """The policy itself, where it is at hand: `policy` is then only what it is called."""
+    isolated: bool = False
+    """Whether the policy is kept in a process of its own (`plugins.isolation`)."""
     time_limit: float = TIME_LIMIT  # [s] a control step, for policies outside jit
     seed: int = 0
     batch_size: int = LANES
@@ -72,10 +75,17 @@ def run(request: Request, progress: RunProgress) -> Result:
     """
     chosen = request.problem_set
     worlds = {task: world_of(chosen, task) for task in request.problems}
-    choice = request.choice or choose(
-        request.policy, request.policy_arguments, request.time_limit, chosen.robot
-    )
-    policy = choice.policy
+    asked = request.policy, request.policy_arguments, request.time_limit, chosen.robot
+    if request.isolated:
+        with isolated(*asked) as choice:
+            return _run(request, choice, worlds, progress)
+    return _run(request, request.choice or choose(*asked), worlds, progress)
+
+
+def _run(
+    request: Request, choice: Choice, worlds: Mapping[str, World], progress: RunProgress
+) -> Result:
+    chosen, policy = request.problem_set, choice.policy
     for task, ids in request.problems.items():
         chosen.task(task).require(ids or ())
     header = Header(
@@ -83,6 +93,7 @@ def run(request: Request, progress: RunProgress) -> Result:
         policy=request.policy,
         about=str(getattr(policy, "about", "")),
         policy_parameters={**choice.parameters},
+        isolated=request.isolated,
         privileged=policy.privileged,
         tasks=list(request.problems),
         problem_set=chosen.name,

@@ -7,7 +7,7 @@ random stream of its own, and effort is counted in collision checks, never in se
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,13 +78,16 @@ class Generator:
         self._ik = ik or InverseKinematics(spheres.robot)
         self.rejections: dict[str, int] = {}
 
-    def problem(self, task: str, index: int, stream: str = BENCHMARK_STREAM) -> Draft:
-        """Problem number `index` of `task`, of the named random stream.
+    def problem(
+        self, task: str, index: int, stream: str | Sequence[int] = BENCHMARK_STREAM
+    ) -> Draft:
+        """Problem number `index` of `task`, of the named random stream, or of secret numbers.
 
         `stream` keeps what is drawn for training apart from what is drawn for the benchmark.
         """
         group = group_of(task, index)
-        numbers = [VERSION_SEED, zlib.crc32(stream.encode()), list(COMPOSITION).index(task), index]
+        named = [zlib.crc32(stream.encode())] if isinstance(stream, str) else stream
+        numbers = [VERSION_SEED, *named, list(COMPOSITION).index(task), index]
         attempt = 0
         while True:
             try:

@@ -114,7 +114,7 @@ def choose(
     Raises PolicyError or WeightsError, each one line.
     """
     world = dict(zip(OF_THE_WORLD, (robot, episode.period), strict=True))
-    base, wrappers = _split(name)
+    base, wrappers = split(name)
     factory: Callable[..., Any]
     fixed: dict[str, Any]
     kind, _, rest = base.partition(":")
@@ -170,7 +170,7 @@ def at_hand(
     return _hosted(cast(HostPolicy, policy), build, [], {}, time_limit, world)
 
 
-def _split(name: str) -> tuple[str, list[str]]:
+def split(name: str) -> tuple[str, list[str]]:
     """`straight+dcp-rmp` as its policy and what goes over it, innermost first."""
     if ":" in name:
         # A path may hold a plus; what is no wrapper at its end belongs to it.
@@ -215,6 +215,22 @@ def _remote(
     policy = connect()
     own = {"policy." * len(wrappers) + key: value for key, value in policy.parameters.items()}
     return _hosted(policy, connect, wrappers, own, time_limit, world, slack=5.0)
+
+
+def hosted_over(
+    policy: HostPolicy,
+    build: Callable[[], HostPolicy],
+    wrappers: list[str],
+    stated: Mapping[str, Any],
+    time_limit: float,
+    world: Mapping[str, Any],
+) -> Choice:
+    """A policy behind a socket, with wrappers over it, as if it were in this process: with the
+    parameters that the other one states of it, its host's among them."""
+    own = {"policy." * len(wrappers) + key: v for key, v in stated.items() if key[:5] != "host."}
+    choice = _hosted(policy, build, wrappers, own, time_limit, world, slack=5.0)
+    told = {key: value for key, value in choice.parameters.items() if key[:5] != "host."}
+    return Choice(choice.policy, told | {key: v for key, v in stated.items() if key[:5] == "host."})
 
 
 def _hosted(

@@ -67,11 +67,28 @@ class Connection:
             self._socket = socket.create_connection((host, port), limit)
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
+    @classmethod
+    def over(cls, accepted: socket.socket) -> "Connection":
+        """The other end of one."""
+        connection = cls.__new__(cls)
+        connection._socket, connection._deadline = accepted, math.inf
+        return connection
+
     def ask(self, message: bytes, limit: float) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         """The answer to a message, its header and arrays, within the limit [s]."""
-        self._deadline = time.monotonic() + limit
+        until = time.monotonic() + limit
+        self._deadline = until
         self._wait()
+        self.send(message)
+        return self.receive(until - time.monotonic())
+
+    def send(self, message: bytes) -> None:
+        """One message."""
         self._socket.sendall(message)
+
+    def receive(self, limit: float) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """The next message, its header and arrays, within the limit [s]."""
+        self._deadline = time.monotonic() + limit
         start = self._receive(8)
         if start[:4] != MAGIC:
             raise Garbage(f"an answer begins with {bytes(start[:4])!r}, not {MAGIC!r}")
@@ -113,7 +130,7 @@ class Connection:
         left = self._deadline - time.monotonic()
         if left <= 0.0:
             raise TimeoutError
-        self._socket.settimeout(left)
+        self._socket.settimeout(None if math.isinf(left) else left)
 
 
 def _host_and_port(address: str) -> tuple[str, int]:
@@ -137,7 +154,9 @@ class Remote:
         self._connection: Connection | None = None
         hello = self._connect(0.0, time_limit)
         self.privileged = hello["privileged"]
-        self.parameters = {"remote": hello["name"], **hello["parameters"]}
+        self.told = hello["parameters"]
+        """The parameters that it states."""
+        self.parameters = {"remote": hello["name"], **self.told}
 
     def reset(self, observation: HostObservation) -> None:
         """Raises Failed; PolicyError where a policy that hung or went away does not come back."""

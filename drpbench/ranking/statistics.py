@@ -50,6 +50,33 @@ def wilson(k: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
     return low, high
 
 
+def newcombe(k: int, n: int, other_k: int, other_n: int) -> tuple[float, float]:
+    r"""Newcombe's 95 % interval for the difference of two independent proportions.
+
+    With p = k/n, its Wilson bounds l and u, and the same of the other,
+
+    .. math:: p - p' - \sqrt{(p - l)^2 + (u' - p')^2} \;\ldots\;
+              p - p' + \sqrt{(u - p)^2 + (p' - l')^2}
+
+    Returns:
+        The bounds of p - p', within [-1, 1].
+
+    Raises:
+        ValueError: a count is out of its range, or there is no trial.
+
+    Source: R. G. Newcombe, Statistics in Medicine 17 (1998), method 10.
+    """
+    if not n or not other_n:
+        raise ValueError(f"expected trials on both sides, got {n} and {other_n}")
+    p, other = k / n, other_k / other_n
+    low, high = wilson(k, n)
+    other_low, other_high = wilson(other_k, other_n)
+    return (
+        p - other - math.hypot(p - low, other_high - other),
+        p - other + math.hypot(high - p, other - other_low),
+    )
+
+
 def mcnemar(b: int, c: int) -> float:
     r"""McNemar's exact test: do two policies differ on the instances where only one succeeds?
 

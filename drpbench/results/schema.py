@@ -71,6 +71,9 @@ class Header(_Record):
     policy_parameters: dict[str, Scalar | list[Scalar]] = Field(
         description="the policy's parameters by name"
     )
+    isolated: bool = Field(
+        default=False, description="whether the policy was in a process that keeps no score"
+    )
     privileged: bool = Field(description="whether the policy was given the obstacle models")
     tasks: list[Name] = Field(min_length=1, description="tasks run, in the order of the rows")
     problem_set: Name = Field(description="name and version of the frozen problems: drpbench-v1")
