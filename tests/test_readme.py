@@ -52,3 +52,25 @@ def test_the_scores_shown_are_those_of_the_shipped_rows():
     told = "python scripts/write_scores.py writes the shipped results' scores"
     assert f"\n{success}\n" in README, told
     assert f"\n{everything}\n" in (ROOT / "docs" / "scores.md").read_text(), told
+
+
+def test_the_counts_that_pages_tell_of_policies_are_those_of_the_shipped_rows():
+    """Sentences such as: `straight` succeeds in 35 of 200 episodes."""
+    from drpbench.problems import load_set
+    from drpbench.ranking import build, load_dir
+    from drpbench.results.shipped import shipped_results
+
+    board = build(load_dir(shipped_results()), load_set().counts)
+    cells = {entry.policy: entry.cells for entry in board.entries}
+    checked = 0
+    for page in sorted((ROOT / "docs" / "tasks").glob("*.md")):
+        task, text = page.stem.upper(), " ".join(page.read_text().split())
+        for sentence in re.split(r"(?<=\.) (?=[A-Z`\[])", text):
+            for said in re.finditer(r"(\d+) of (\d+) episodes", sentence):
+                if "succeed" not in sentence[: said.start()]:
+                    continue
+                for policy in re.findall(r"`([a-z+-]+)`", sentence[: said.start()]):
+                    cell = cells[policy][task].success
+                    assert (cell.k, cell.n) == tuple(map(int, said.groups())), (page.name, sentence)
+                    checked += 1
+    assert checked >= 4

@@ -79,17 +79,23 @@ def test_the_full_network_has_the_papers_number_of_parameters():
     assert abs(count(FULL) / 4.67e6 - 1.0) < 0.05
 
 
-def test_the_small_network_is_the_same_architecture():
-    deep = jax.eval_shape(lambda: initial(FULL))
-    deep["encoder"] = {i: deep["encoder"][i] for i in range(SMALL.encoder_layers)}
-    deep["decoder"] = {i: deep["decoder"][i] for i in range(SMALL.decoder_layers)}
+def test_the_small_network_is_the_papers_but_for_its_feelers():
+    deep, small = jax.eval_shape(lambda: initial(FULL)), jax.eval_shape(lambda: initial(SMALL))
+    assert set(small) - set(deep) == {"feeler", "places"} and not set(deep) - set(small)
+    for stack in ("encoder", "decoder"):
+        layers = {
+            jax.tree.structure(layer)
+            for network in (deep, small)
+            for layer in network[stack].values()
+        }
+        assert len(layers) == 1  # as many as there are, each of them the same
+    assert (len(small["encoder"]), len(small["decoder"])) == (2, 1)
+    for name in set(deep) - {"encoder", "decoder", "scene", "robot"}:
+        assert jax.tree.structure(small[name]) == jax.tree.structure(deep[name]), name
     for cloud in ("scene", "robot"):
-        layers = deep[cloud]["point_mlp"]
-        deep[cloud]["point_mlp"] = {i: layers[i] for i in range(len(SMALL.point_mlp))}
-    small = jax.eval_shape(lambda: initial(SMALL))
-    for own in ("feeler", "places"):  # what only the small one has
-        del small[own]
-    assert jax.tree.structure(small) == jax.tree.structure(deep)
+        assert set(small[cloud]) == set(deep[cloud])
+    # The arm at its goal is a type of token more than the paper's network has.
+    assert small["types"].shape[0] == deep["types"].shape[0] + 1
     assert count(SMALL) < 0.1 * count(FULL)
 
 
