@@ -10,6 +10,9 @@ import time
 
 import pytest
 
+from drpbench.cli.app import matching, parse_problems
+from drpbench.errors import InputError
+from drpbench.problems import load_set
 from drpbench.robot import PANDA
 
 RUN = ["run", "--task", "FDO", "--policy", "hold", "--problems", "0-5", "--batch-size", "2"]
@@ -67,6 +70,10 @@ def test_help_imports_nothing_heavy():
         (["run", "--task", "FDO", "--problems", "5,x"], "5,x", "3,17"),
         (["run", "--task", "FDO", "--problems", "5,5"], "twice", ""),
         (["run", "--task", "FDO", "--problems", "9-99999"], "no problem", "ids go from 0"),
+        (["run", "--task", "SE", "--family", "boat"], "--family boat", "SE has box, "),
+        (["run", "--task", "SE", "--pair", "xx"], "--pair xx", "ff, ft, tf, tt"),
+        (["run", "--task", "DGB", "--level", "9"], "--level 9", "1, 2, 3, 4"),
+        (["run", "--task", "DGB", "--family", "shelf", "--level", "1"], "at once", "shelf"),
         (["run", "--task", "FDO", "--batch-size", "0"], "--batch-size 0", "at least 1"),
         (["run", "--task", "FDO", "--out", "x.txt"], "x.txt", ".json or .json.gz"),
         (["run", "--task", "FDO", "--out", "x.gz"], "x.gz", ".json or .json.gz"),
@@ -228,3 +235,15 @@ def test_doctor_finds_this_installation_sound(tmp_path):
     shown = drpbench("doctor", cwd=tmp_path)
     assert shown.returncode == 0, shown.stdout
     assert "right_finger" in shown.stdout and "FAILED" not in shown.stdout
+
+
+def test_problems_are_chosen_by_what_they_are():
+    problems = load_set().task("SE")
+    ids = matching(problems, "shelf", "tt", None)
+    assert len(ids) == 100 and {problems.family[id] for id in ids} == {"shelf"}
+    assert {problems.pair[id] for id in ids} == {"tt"}
+    assert parse_problems("5", "SE", problems.count, ids) == ids[:5]
+    assert parse_problems(None, "SE", problems.count, ids) == ids
+    with pytest.raises(InputError, match="not of the kind asked for"):
+        parse_problems("0,1,2", "SE", problems.count, ids)
+    assert matching(problems, None, None, None) is None

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,6 +17,9 @@ from drpbench.cli import report as cli_report
 from drpbench.cli import results as cli_results
 from drpbench.cli import view as cli_view
 from drpbench.errors import DrpbenchError, InputError
+
+if TYPE_CHECKING:
+    from drpbench.problems import TaskProblems
 
 from .options import (
     PolicyArguments,
@@ -101,22 +104,25 @@ def _options(
     pass
 
 
-def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
+def parse_problems(
+    text: str | None, task: str, count: int, among: Sequence[int] | None = None
+) -> list[int] | None:
     """Ids from `20` (the first so many), `3,17` or `0-9`; None for all of them.
 
     Families, pairs and levels take turns from one id to the next, so the first ones are a fair
-    sample; every tenth one would be of half of the families.
+    sample; every tenth one would be of half of the families. `among` are those to choose from.
     """
     if text is None or text == "all":
-        return None
+        return None if among is None else list(among)
+    there = range(count) if among is None else among
     try:
         if text.isdecimal():
             wanted = int(text)
-            if not 0 < wanted <= count:
+            if not 0 < wanted <= len(there):
                 raise InputError(
-                    f"--problems {text}: {task} has 1 to {count} problems to choose from"
+                    f"--problems {text}: {task} has 1 to {len(there)} problems to choose from"
                 )
-            return None if wanted == count else list(range(wanted))
+            return None if wanted == count else list(there[:wanted])
         ids: list[int] = []
         for part in text.rstrip(",").split(","):
             first, _, last = part.partition("-")
@@ -133,7 +139,32 @@ def parse_problems(text: str | None, task: str, count: int) -> list[int] | None:
         raise InputError(
             f"--problems: no problem {outside[0]} in {task}; ids go from 0 to {count - 1}"
         )
+    if other := [i for i in ids if i not in there]:
+        raise InputError(f"--problems: problem {other[0]} of {task} is not of the kind asked for")
     return ids
+
+
+def matching(
+    problems: "TaskProblems", family: str | None, pair: str | None, level: int | None
+) -> list[int] | None:
+    """The ids of a task's problems of a family, pair and level; None where none is asked for."""
+    asked = {"family": family, "pair": pair, "level": level}
+    asked = {name: value for name, value in asked.items() if value is not None}
+    if not asked:
+        return None
+    for name, value in asked.items():
+        there = sorted({str(one) for one in getattr(problems, name)})
+        if str(value) not in there:
+            raise InputError(f"--{name} {value}: {problems.task} has {', '.join(there)}")
+    found = [
+        id
+        for id in range(problems.count)
+        if all(str(getattr(problems, name)[id]) == str(value) for name, value in asked.items())
+    ]
+    if not found:
+        told = ", ".join(f"{name} {value}" for name, value in asked.items())
+        raise InputError(f"{problems.task} has no problem of {told} at once")
+    return found
 
 
 def default_out(policy: str, tasks: str, resume: bool) -> Path:
@@ -156,7 +187,12 @@ def default_out(policy: str, tasks: str, resume: bool) -> Path:
 
 @app.command()
 def run(
-    task: Annotated[str, typer.Option(help="The tasks: one, several (FDO,DGB) or all.")] = "all",
+    task: Annotated[
+        str | None,
+        typer.Option(
+            help="The tasks: one, several (FDO,DGB) or all [default: 20 problems of each]"
+        ),
+    ] = None,
     policy: PolicyName = "rmp",
     policy_arg: PolicyArguments = None,
     time_limit: TimeLimit = 10.0,
@@ -171,6 +207,16 @@ def run(
             help="The result file; .json.gz compresses it [default: runs/POLICY-TASK.json]"
         ),
     ] = None,
+    name: Annotated[
+        str, typer.Option(help="What the leaderboard calls the run [default: its policy]")
+    ] = "",
+    family: Annotated[
+        str | None, typer.Option(help="Only problems of this scene family: shelf.")
+    ] = None,
+    pair: Annotated[
+        str | None, typer.Option(help="Only problems of this kind of start and goal: tt.")
+    ] = None,
+    level: Annotated[int | None, typer.Option(help="Only problems of this level.")] = None,
     isolated: Annotated[
         bool,
         typer.Option(
@@ -202,8 +248,14 @@ def run(
     from drpbench.results.names import is_result
 
     problem_set = given_set(problems_from) or load_set()
-    names, sizes = parse_tasks(task, problem_set), problem_set.counts
-    wanted = {name: parse_problems(problems, name, sizes[name]) for name in names}
+    names, sizes = parse_tasks(task or "all", problem_set), problem_set.counts
+    if task is None and problems is None and sum(sizes.values()) > 20 * len(sizes):
+        problems = "20"
+        typer.echo(f"20 problems of each task; --task all runs all {sum(sizes.values())}")
+    wanted = {}
+    for one in names:
+        of_kind = matching(problem_set.task(one), family, pair, level)
+        wanted[one] = parse_problems(problems, one, sizes[one], of_kind)
     tag = "all" if len(names) == len(sizes) else "-".join(names)
     if problems_from is not None:
         tag = f"{problem_set.name.replace('/', '_')}-{tag}"
@@ -236,6 +288,7 @@ def run(
         out=out,
         problem_set=problem_set,
         seed=seed,
+        name=name,
         isolated=isolated,
         batch_size=batch_size or default,
         resume=resume,
@@ -273,10 +326,14 @@ def leaderboard(
         int | None,
         typer.Option(help="The version of the protocol [default: the newest of the results]"),
     ] = None,
+    alone: Annotated[
+        bool, typer.Option("--alone", help="Leave the shipped results out beside a folder's.")
+    ] = False,
     problems_from: ProblemsFrom = None,
 ) -> None:
     """Compare results. Every figure is recomputed from the rows and has a 95 % interval."""
     from drpbench.ranking import build, export, load_dir
+    from drpbench.ranking.board import beside
     from drpbench.ranking.markdown import render_markdown
     from drpbench.ranking.measures import MEASURES
     from drpbench.results.shipped import shipped_results
@@ -288,6 +345,8 @@ def leaderboard(
     if unknown := [name for name in measure or () if name not in known]:
         raise InputError(f"--measure {unknown[0]}: expected one of {', '.join(known)}")
     results = load_dir(folder if folder is not None else shipped_results())
+    if folder is not None and not alone:
+        results |= beside(results, load_dir(shipped_results()))
     board = build(results, set_of_results(results, problems_from).counts, protocol)
     if format in texts:
         print(texts[format](board), end="")
@@ -471,6 +530,7 @@ app.command()(cli_recording.replay)
 app.command()(cli_report.report)
 app.command()(cli_results.submit)
 app.command()(cli_results.verify)
+app.command()(cli_results.compare)
 app.command()(cli_results.difference)
 app.command()(cli_view.view)
 

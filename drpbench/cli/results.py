@@ -59,6 +59,23 @@ def _line(text: str) -> tuple[str, str]:
     return name, rest
 
 
+def compare(
+    first: Annotated[Path, typer.Argument(help="A result.")],
+    second: Annotated[Path, typer.Argument(help="Another, on the same problems.")],
+    most: Annotated[int, typer.Option(help="How many turned problems are listed.")] = 20,
+) -> None:
+    """Compare two runs problem by problem: which verdicts turned, and where to see it."""
+    if most < 0:
+        raise InputError(f"--most {most}: must not be negative; 0 lists none")
+    from drpbench.ranking.compare import compared
+    from drpbench.results import load
+
+    from .terminal import console_of
+
+    for line in compared({str(path): load(path) for path in (first, second)}, most):
+        console_of().print(line, soft_wrap=True)
+
+
 def difference(
     first: Annotated[Path, typer.Argument(help="A result, such as one on the public problems.")],
     second: Annotated[Path, typer.Argument(help="Another, such as one on a sealed set.")],

@@ -14,7 +14,7 @@ from drpbench.perception import SurfaceCloud
 from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.host import TIME_LIMIT, Hosted
 from drpbench.plugins.isolation import isolated
-from drpbench.plugins.registry import Choice, choose
+from drpbench.plugins.registry import Choice, choose, split
 from drpbench.problems import ProblemSet, ProblemSetError, load_set
 from drpbench.results import Header, Journal, Result
 from drpbench.results.trajectories import Trajectories
@@ -43,6 +43,8 @@ class Request:
     policy_arguments: Sequence[str] = ()
     choice: Choice | None = None
     """The policy itself, where it is at hand: `policy` is then only what it is called."""
+    name: str = ""
+    """What the leaderboard calls the run; empty: as its policy."""
     isolated: bool = False
     """Whether the policy is kept in a process of its own (`plugins.isolation`)."""
     time_limit: float = TIME_LIMIT  # [s] a control step, for policies outside jit
@@ -91,6 +93,7 @@ def _run(
     header = Header(
         protocol=PROTOCOL,
         policy=request.policy,
+        name=request.name or _own_name(request.policy, choice),
         about=str(getattr(policy, "about", "")),
         policy_parameters={**choice.parameters},
         isolated=request.isolated,
@@ -127,6 +130,14 @@ def _run(
             if trajectories:
                 trajectories.finish()
         return journal.finish()
+
+
+def _own_name(policy: str, choice: Choice) -> str:
+    """What a remote policy calls itself, with what stands over it; others are called as asked."""
+    if not policy.startswith("remote:"):
+        return ""
+    stated = [v for key, v in choice.parameters.items() if key.split("policy.")[-1] == "remote"]
+    return "+".join([*map(str, stated), *split(policy)[1]])
 
 
 def _run_task(

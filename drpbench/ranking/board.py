@@ -20,6 +20,7 @@ from .depth import LIGHT_DEPTH, successes_by_depth
 from .markdown import render_markdown
 from .statistics import Paired, paired, wilson
 
+SHIPPED = "shipped: "  # before the names of results that stand beside a user's own
 MOST_LEFT_OUT = 0.1
 """Share of a task's rows that may be left out before a run counts as partial."""
 
@@ -85,6 +86,7 @@ class Entry:
         overall: over all its rows.
         against_next: McNemar's test against the entry below; None for the last entry, and where
             the two share no instance.
+        rows: what it was counted from.
     """
 
     policy: str
@@ -94,6 +96,11 @@ class Entry:
     cells: Mapping[str, Cell]
     overall: Cell
     against_next: Paired | None
+    rows: tuple[Row, ...]
+
+    def against(self, other: Entry) -> Paired:
+        """McNemar's test on the instances that both have."""
+        return paired(self.rows, other.rows)
 
 
 @dataclass(frozen=True)
@@ -111,6 +118,8 @@ class Leaderboard:
     others: Mapping[int, int]
     tasks: tuple[str, ...]
     entries: tuple[Entry, ...]
+    own: frozenset[str] = frozenset()
+    """The entries that are not shipped, where shipped ones stand beside them."""
 
     def __str__(self) -> str:
         """The tables as Markdown."""
@@ -158,28 +167,80 @@ def of_protocol(results: Mapping[str, Result], protocol: int | None) -> dict[str
     return {name: one for name, one in results.items() if one.header.protocol == protocol}
 
 
+def labelled(results: Mapping[str, Result]) -> dict[str, Result]:
+    """The results, their header's policy being what each is called: its own name, or its policy.
+
+    Files that are called the same are taken together where they are of different tasks and of equal
+    parameters; else each is also called by its file.
+    """
+    groups: dict[str, list[str]] = {}
+    for name, result in results.items():
+        groups.setdefault(result.header.name or result.header.policy, []).append(name)
+    found = {}
+    for label, names in groups.items():
+        headers = [results[name].header for name in names]
+        apart = any(_differ(one, other) for one, other in combinations(headers, 2))
+        for name, header in zip(names, headers, strict=True):
+            called = f"{label} ({_stem(name)})" if apart else label
+            found[name] = results[name].model_copy(
+                update={"header": header.model_copy(update={"policy": called})}
+            )
+    return {name: found[name] for name in results}
+
+
+def _differ(one: Header, other: Header) -> bool:
+    """Whether two files cannot be of one entry."""
+    same = (one.policy, one.policy_parameters, one.privileged, one.seed)
+    others = (other.policy, other.policy_parameters, other.privileged, other.seed)
+    return same != others or bool(set(one.tasks) & set(other.tasks))
+
+
+def _stem(name: str) -> str:
+    return Path(name).name.removesuffix(".gz").removesuffix(".json")
+
+
+def beside(own: Mapping[str, Result], shipped: Mapping[str, Result]) -> dict[str, Result]:
+    """Of the shipped results of the same problems and protocol, the rows whose instances are among
+    `own` too, for comparison. What is called as one of `own` is marked."""
+    first = next(iter(own.values())).header
+    ids = {row.key for result in own.values() for row in result.rows}
+    called = {result.header.name or result.header.policy for result in own.values()}
+    found = {}
+    for name, result in shipped.items():
+        header = result.header
+        same = ("problem_set_sha256", "protocol")
+        if any(getattr(header, field) != getattr(first, field) for field in same):
+            continue
+        rows = [row for row in result.rows if row.key in ids]
+        if not rows:
+            continue
+        tasks = [task for task in header.tasks if any(row.task == task for row in rows)]
+        problems = {task: [row.id for row in rows if row.task == task] for task in tasks}
+        label = f"{header.policy}, shipped" if header.policy in called else header.name
+        changes = {"tasks": tasks, "problems": problems, "name": label}
+        found[SHIPPED + name] = Result(header=header.model_copy(update=changes), rows=rows)
+    return found
+
+
 def build(
     results: Mapping[str, Result], expected: Mapping[str, int], protocol: int | None = None
 ) -> Leaderboard:
     """Compares results on one problem set and of one protocol.
 
-    Files of one policy on different tasks are taken together where policy parameters agree.
-
     Args:
-        results: by the name a message should give them, usually the file's.
+        results: by the name a message should give them, usually the file's. Each is called as
+            `labelled` has it.
         expected: number of problems of each task, in the order the tasks are shown.
         protocol: its version, by default the newest among the results; others are left out.
 
     Raises:
-        LeaderboardError: there is nothing to compare, the problem sets differ, one policy stands
-            twice, or a row belongs to no problem of the set.
+        LeaderboardError: there is nothing to compare, the problem sets differ, or a row belongs to
+            no problem of the set.
     """
-    everything, results = results, of_protocol(results, protocol)
+    everything, results = results, labelled(of_protocol(results, protocol))
     _require_one_problem_set(results)
     rows: dict[str, list[Row]] = {}
     headers: dict[str, Header] = {}
-    for one, other in combinations(results, 2):
-        _require_no_conflict(one, results[one].header, other, results[other].header)
     for name, result in results.items():
         _require_known_problems(name, result, expected)
         headers.setdefault(result.header.policy, result.header)
@@ -206,6 +267,9 @@ def build(
         protocol=first.protocol,
         others={version: n for version, n in versions.items() if version != first.protocol},
         tasks=tuple(task for task in expected if task in seen),
+        own=frozenset(
+            result.header.policy for name, result in results.items() if not name.startswith(SHIPPED)
+        ),
         entries=tuple(
             Entry(
                 policy=policy,
@@ -215,6 +279,7 @@ def build(
                 cells=cells[policy],
                 overall=overall[policy],
                 against_next=tests.get(policy),
+                rows=tuple(rows[policy]),
             )
             for place, policy in enumerate(ranked, start=1)
         ),
@@ -264,16 +329,6 @@ def _require_one_problem_set(results: Mapping[str, Result]) -> None:
                     f"{first} and {other} were made on different problems and cannot be compared:"
                     f" {field} {one[:16]} and {two[:16]}"
                 )
-
-
-def _require_no_conflict(one: str, first: Header, other: str, second: Header) -> None:
-    if first.policy != second.policy:
-        return
-    both = f"{one} and {other} both hold policy {first.policy}"
-    if shared := [task for task in first.tasks if task in second.tasks]:
-        raise LeaderboardError(f"{both} on {', '.join(shared)}; remove one")
-    if (first.policy_parameters, first.privileged) != (second.policy_parameters, second.privileged):
-        raise LeaderboardError(f"{both}, with different parameters; remove one")
 
 
 def _require_known_problems(name: str, result: Result, expected: Mapping[str, int]) -> None:

@@ -18,8 +18,8 @@ def render_markdown(board: Leaderboard) -> str:
     for measure, title in measures.MEASURES:
         if measures.shown(measure, board.entries):
             blocks += [f"{title} ({measures.UNITS})", _measure(board, measure)]
-    if any(entry.against_next for entry in board.entries):
-        body = measures.paired_lines(board)
+    body = list(measures.paired_lines(board))
+    if body:
         blocks += [measures.PAIRED, _table(measures.PAIRED_HEAD, body)]
     blocks += measures.notes(board.entries) + measures.others(board)
     rows = [

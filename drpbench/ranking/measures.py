@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from .statistics import Paired
@@ -27,8 +28,16 @@ PARTIAL = (
     "than a tenth of them left out; in All, of the whole set."
 )
 PRIVILEGED = "† privileged: given the obstacle models."
-PAIRED = "Successes against the next policy: on shared problems, McNemar's exact test"
-PAIRED_HEAD = ("Policy", "against", "only the first", "only the second", "shared", "p")
+PAIRED = "Successes in pairs, on shared problems: difference in points, McNemar's exact test"
+PAIRED_HEAD = (
+    "Policy",
+    "against",
+    "only the first",
+    "only the second",
+    "shared",
+    "difference",
+    "p",
+)
 ABSENT = "–"
 ALL = "All"
 
@@ -77,16 +86,24 @@ def percent(share: float) -> str:
 
 
 def paired_lines(board: Leaderboard) -> Iterable[list[str]]:
-    """Each entry against the one below it."""
-    for entry, below in zip(board.entries, board.entries[1:], strict=False):
-        test = entry.against_next
-        counts = [ABSENT] * 4 if test is None else _paired_figures(test)
-        yield [entry.policy, below.policy, *counts]
+    """Each entry against the one below it; where shipped ones stand beside others, each of the
+    others against every one."""
+    own = [entry for entry in board.entries if entry.policy in board.own]
+    if own and len(own) < len(board.entries):
+        pairs = [(one, other) for one in own for other in board.entries if other is not one]
+    else:
+        pairs = list(pairwise(board.entries))
+    for one, other in pairs:
+        test = one.against(other)
+        counts = _paired_figures(test) if test.shared else [ABSENT] * 5
+        yield [one.policy, other.policy, *counts]
 
 
 def _paired_figures(test: Paired) -> list[str]:
     p = "< 0.0001" if test.p < 1e-4 else f"{test.p:.4f}"
-    return [str(test.only_first), str(test.only_second), str(test.shared), p]
+    told, low, high = (f"{100 * value:+.1f}" for value in test.difference)
+    difference = f"{told} [{low}, {high}]"
+    return [str(test.only_first), str(test.only_second), str(test.shared), difference, p]
 
 
 def notes(entries: Sequence[Entry]) -> list[str]:

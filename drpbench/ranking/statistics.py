@@ -124,6 +124,19 @@ class Paired(NamedTuple):
     p: float
     """McNemar's exact two-sided p-value."""
 
+    @property
+    def difference(self) -> tuple[float, float, float]:
+        """The first's success rate minus the second's, and its 95 % bounds.
+
+        The bounds are Wald's after a half is added to each of the four counts of pairs (A. Agresti
+        and Y. Min, Statistics in Medicine 24 (2005)), cut off at -1 and 1.
+        """
+        b, c, n = self.only_first + 0.5, self.only_second + 0.5, self.shared + 2
+        z, centre = NormalDist().inv_cdf(0.975), (b - c) / n
+        half = z * math.sqrt(b + c - (b - c) ** 2 / n) / n
+        told = (self.only_first - self.only_second) / self.shared if self.shared else 0.0
+        return told, max(-1.0, centre - half), min(1.0, centre + half)
+
 
 def paired(first: Iterable[Row], second: Iterable[Row]) -> Paired:
     """Compares two policies' success on the (task, id) that are valid in both."""

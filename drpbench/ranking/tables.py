@@ -35,8 +35,9 @@ def render_terminal(
         parts += tables
     else:
         parts += [_entry_table(entry, names) for entry in board.entries]
-    if any(entry.against_next for entry in board.entries):
-        parts.append(_paired_table(board))
+    if len(board.entries) > 1:
+        table = _paired_table(board)
+        parts += [table] if _width(table) <= console.width else _paired_in_words(board)
     told = measures.notes(board.entries) + measures.others(board)
     parts += [Text(note, style="dim") for note in told]
     reported = _reported_table()
@@ -133,9 +134,18 @@ def _paired_table(board: Leaderboard) -> Table:
     table.add_column(measures.PAIRED_HEAD[1], no_wrap=True)
     for heading in measures.PAIRED_HEAD[2:]:
         table.add_column(heading, justify="right")
-    for line in measures.paired_lines(board):
-        table.add_row(*line)
+    for one, other, *figures in measures.paired_lines(board):
+        table.add_row(*(name.replace("+", "\n+") for name in (one, other)), *figures)
     return table
+
+
+def _paired_in_words(board: Leaderboard) -> list[Text]:
+    """The same for a narrow terminal, two lines a pair."""
+    told = [Text(f"\n{measures.PAIRED}", style="bold")]
+    for one, other, first, second, shared, difference, p in measures.paired_lines(board):
+        told.append(Text(f"{one} against {other}: {first} alone, {second} alone, of {shared}"))
+        told.append(Text(f"  {difference} points, p {p}", style="dim"))
+    return told
 
 
 def _reported_table(between: str = "/") -> Table:

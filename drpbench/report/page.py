@@ -17,7 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from drpbench.ranking import Leaderboard, build, measures
-from drpbench.ranking.board import Cell, Entry
+from drpbench.ranking.board import Cell, Entry, labelled, of_protocol
 from drpbench.ranking.measures import ABSENT, ALL, MEASURES, PAIRED, percent
 from drpbench.results import Result, ResultsError
 from drpbench.results.names import recordings_folder
@@ -73,6 +73,7 @@ def render(
 ) -> str:
     """The page's HTML; `recordings` by file name, other arguments and errors as those of
     `write_report`."""
+    results = labelled(of_protocol(results, None))
     board = build(results, expected)
     style, script, template = (_source(f"report.{kind}") for kind in ("css", "js", "html"))
     # Between script tags only `<` has a meaning, and JSON may write it as an escape.
@@ -138,7 +139,7 @@ def _leaderboard(board: Leaderboard) -> Iterable[str]:
             f'<details class="measure"{opened}><summary>{escape(title)}</summary>'
             f"{_table('sortable', title, head, body)}</details>"
         )
-    if any(entry.against_next for entry in board.entries):
+    if len(board.entries) > 1:
         yield f"<details><summary>{escape(PAIRED)}</summary>{_paired(board)}</details>"
     for note in measures.notes(board.entries) + measures.others(board):
         yield f'<p class="note">{escape(note)}</p>'

@@ -27,7 +27,7 @@ try:
 except ImportError:  # not POSIX: two runs on one file are then not kept apart
     fcntl = None  # type: ignore[assignment]
 
-MAY_DIFFER = frozenset({"about", "batch_size", "platform", "created", "wall_seconds"})
+MAY_DIFFER = frozenset({"about", "name", "batch_size", "platform", "created", "wall_seconds"})
 """The header's fields that move no number; a resumed run keeps those of its beginning."""
 
 

@@ -65,6 +65,7 @@ class Header(_Record):
         default=1, description="version of the protocol, which says what a score means"
     )
     policy: Name = Field(description="name of the policy, as given to `drpbench run --policy`")
+    name: str = Field(default="", description="what the run is called, where it has its own name")
     about: str = Field(
         default="", description="what the policy is, where its name does not say all of it"
     )

@@ -2,8 +2,8 @@ import json
 
 import pytest
 
-from drpbench.ranking import LeaderboardError, build, load_dir, wilson
-from drpbench.ranking.board import Rate
+from drpbench.ranking import LeaderboardError, build, load_dir, measures, wilson
+from drpbench.ranking.board import Rate, beside
 from drpbench.ranking.statistics import Paired, mcnemar
 from drpbench.results import Result, ResultsError, save
 
@@ -137,20 +137,35 @@ def test_files_of_one_policy_on_different_tasks_are_one_entry(make_result):
     assert entry.overall.success == Rate(7, 9)
 
 
-def test_the_same_policy_twice_is_refused_with_both_files(make_result):
-    message = refusal({"one.json": make_result(), "two.json": make_result()})
-    assert message == "one.json and two.json both hold policy rmp on FDO; remove one"
+@pytest.mark.parametrize(
+    "changes", [{}, {"policy_parameters": {"gain": 1.0}}, {"privileged": True}, {"seed": 1}]
+)
+def test_two_runs_of_one_policy_are_told_apart_by_their_files(make_result, changes):
+    board = build({"one.json": make_result(), "two.json.gz": make_result(**changes)}, EXPECTED)
+    assert {entry.policy for entry in board.entries} == {"rmp (one)", "rmp (two)"}
 
 
-@pytest.mark.parametrize("changes", [{"policy_parameters": {"gain": 1.0}}, {"privileged": True}])
-def test_one_policy_with_different_parameters_is_refused(make_result, changes):
-    results = {
-        "one.json": make_result(verdicts={"FDO": "+"}),
-        "two.json": make_result(verdicts={"SE": "+"}, **changes),
+def test_a_run_is_called_by_its_name(make_result):
+    board = build({"one.json": make_result(), "two.json": make_result(name="mine")}, EXPECTED)
+    assert {entry.policy for entry in board.entries} == {"rmp", "mine"}
+
+
+def test_shipped_results_stand_beside_on_the_same_problems(make_result):
+    own = {"mine.json": make_result("mine", {"FDO": "++"})}
+    shipped = {
+        "rmp.json": make_result("rmp", {"SE": "------", "FDO": "+--"}),
+        "mine.json": make_result("mine", {"FDO": "---"}),
+        "old.json": make_result("old", {"FDO": "---"}, protocol=7),
+        "else.json": make_result("else", {"FDO": "---"}, problem_set_sha256="c" * 64),
+        "se.json": make_result("se", {"SE": "------"}),
     }
-    assert refusal(results) == (
-        "one.json and two.json both hold policy rmp, with different parameters; remove one"
-    )
+    found = beside(own, shipped)
+    assert list(found) == ["shipped: rmp.json", "shipped: mine.json"]
+    assert [row.key for row in found["shipped: rmp.json"].rows] == [("FDO", 0), ("FDO", 1)]
+    board = build(own | found, EXPECTED)
+    assert [entry.policy for entry in board.entries] == ["mine", "rmp", "mine, shipped"]
+    lines = [line[:5] for line in measures.paired_lines(board)]
+    assert lines == [["mine", "rmp", "1", "0", "2"], ["mine", "mine, shipped", "2", "0", "2"]]
 
 
 @pytest.mark.parametrize(

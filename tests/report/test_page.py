@@ -351,7 +351,7 @@ LINES = (
 )
 RANKED = (
     "[...document.querySelectorAll('.measure[open] tbody tr')].filter(r => !r.hidden)"
-    ".map(r => r.cells[0].textContent)"
+    ".map(r => r.cells[1].textContent)"
 )
 
 
@@ -363,8 +363,8 @@ def test_a_browser_draws_sorts_and_filters_without_complaint(browser, tmp_path):
     assert js("document.querySelectorAll('#clearances svg').length") == 2
 
     assert js(RANKED) == ["good", HOSTILE + "†"]
-    js("document.querySelectorAll('.measure[open] thead button')[1].click()")
-    js("document.querySelectorAll('.measure[open] thead button')[1].click()")
+    js("document.querySelectorAll('.measure[open] thead button')[2].click()")
+    js("document.querySelectorAll('.measure[open] thead button')[2].click()")
     assert js(RANKED) == [HOSTILE + "†", "good"]
     assert js("document.querySelector('.measure[open] [aria-sort]').ariaSort") == "ascending"
 
