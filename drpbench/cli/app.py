@@ -262,6 +262,8 @@ def run(
     out = out or default_out(policy, tag, resume)
     if not is_result(out):
         raise InputError(f"--out {out}: the result file must end in .json or .json.gz")
+    told = ", ".join(f"{len(ids or range(sizes[one]))} {one}" for one, ids in wanted.items())
+    typer.echo(f"{policy} on {told}; the first batch of each task compiles first")
 
     from drpbench.compile import use_cache
 
@@ -304,7 +306,20 @@ def run(
         console.print(
             f"{count} of {len(result.rows)} failed: {status}", highlight=False, markup=False
         )
-    console.print(f"{len(result.rows)} rows in {out}", highlight=False)
+    console.print(f"{len(result.rows)} rows in {out}", soft_wrap=True)
+    if record:
+        from drpbench.results.names import recordings_folder
+
+        console.print(f"recordings in {recordings_folder(out)}", soft_wrap=True)
+    failed = [found for found in result.rows if found.valid and not found.success]
+    if failed:
+        first = failed[0]
+        of = f" --task {first.task}" if len(names) > 1 else ""
+        also = f"drpbench replay {out}{of} --id {first.id} --video shows a failure; "
+    else:
+        also = ""
+    where = f" {out.parent}" if str(out.parent) != "." else " ."
+    console.print(f"next: {also}drpbench leaderboard{where} compares", soft_wrap=True)
 
 
 @app.command()
