@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from drpbench.cli.app import matching, parse_problems
+from drpbench.cli.running import matching, parse_problems
 from drpbench.errors import InputError
 from drpbench.problems import load_set
 from drpbench.robot import PANDA
@@ -122,7 +122,7 @@ def test_nothing_is_overwritten(finished):
 
 
 def test_a_run_without_out_finds_a_name_of_its_own(tmp_path):
-    from drpbench.cli.app import default_out
+    from drpbench.cli.running import default_out
 
     here = os.getcwd()
     os.chdir(tmp_path)

@@ -44,6 +44,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "gym": {
         *("geometry", "robot", "contract", "problems", "generation", "envs", "rollout"),
         *("evaluation", "learning"),
+        # Pictures of an environment are those of recordings.
+        "recording",
+        "perception",
     },
     "viewer": {
         *("geometry", "robot", "contract", "planning", "problems", "perception", "envs"),
