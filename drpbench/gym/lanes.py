@@ -16,6 +16,7 @@ from jaxtyping import Array, Float, Int
 from drpbench.compile import jit
 from drpbench.contract import Observation, Problem, Verdict
 from drpbench.envs import State, World
+from drpbench.geometry import quaternion_to_matrix, rotation_angle
 from drpbench.rollout import step as one_world
 
 
@@ -64,6 +65,11 @@ class Lanes:
         self.clock, self._verdict = 0, Verdict.begin((self.count,))
         return _observe(self.world, self._state)
 
+    def errors(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of each lane, how far `grip` is from its goal now: [m] and [rad]."""
+        position, orientation = _errors(self.world, self._state)
+        return np.asarray(position), np.asarray(orientation)
+
     def step(self, targets: Float[np.ndarray, "lanes J"]) -> tuple[Observation, Outcome]:
         """One control step towards joint targets [rad]; RuntimeError where none is left."""
         if self.over:
@@ -89,6 +95,17 @@ def _reset(world: World, seed: int, problems: Problem, stream: int) -> State:
 @partial(jit, static_argnums=0)
 def _observe(world: World, state: State) -> Observation:
     return jax.vmap(world.observe)(state)
+
+
+@partial(jit, static_argnums=0)
+def _errors(world: World, state: State) -> tuple[jax.Array, jax.Array]:
+    def one(state: State) -> tuple[jax.Array, jax.Array]:
+        position, rotation = world.robot.grip_pose(world.robot.link_poses(state.joint_position))
+        wanted = quaternion_to_matrix(jnp.asarray(state.problem.goal_quaternion))
+        away = position - jnp.asarray(state.problem.goal_position)
+        return jnp.linalg.norm(away), rotation_angle(rotation, wanted)
+
+    return jax.vmap(one)(state)
 
 
 @partial(jit, static_argnums=0)

@@ -27,6 +27,8 @@ class SingleEnv(gymnasium.Env):
         problems: str | ProblemSet = "frozen",
         run_seed: int = 0,
         episode: Episode = EPISODE,
+        reward: str = "sparse",
+        control_mode: str = "absolute",
         render_mode: str | None = None,
     ):
         self._one = VectorEnv(
@@ -35,6 +37,8 @@ class SingleEnv(gymnasium.Env):
             problems=problems,
             run_seed=run_seed,
             episode=episode,
+            reward=reward,
+            control_mode=control_mode,
             render_mode=render_mode,
         )
         self.render_mode = render_mode

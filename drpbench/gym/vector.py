@@ -21,6 +21,9 @@ from .served import source
 from .spaces import action_space, as_dict, observation_space
 
 _PROCESS = os.getpid()
+REWARDS = ("sparse", "dense")
+CONTROL_MODES = ("absolute", "delta")
+_RADIAN = 0.1  # [m/rad] what orientation weighs in the dense reward
 _OPTIONS = ("id", "reset_mask")
 _MEASURES = ("clearance", "position_error", "orientation_error")
 _VERDICT = ("reached", "collided", "finite", "valid")
@@ -35,6 +38,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     before its 1000 control steps; then all lanes are truncated together, and `reset` begins the
     next problems.
 
+    The dense reward of step t adds what came nearer and takes away the first collision:
+
+        r_t = e_(t-1) - e_t - [first collision in t] + [success, at the last step]
+        e = position error [m] + 0.1 m/rad * orientation error [rad]
+
+    so that an episode's return is the error it began with, less the one it ended with, less 1 for
+    a collision, plus 1 for success.
+
     Args:
         num_envs: how many problems at once.
         task: SE, SAO, FDO, GB or DGB.
@@ -42,6 +53,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             ProblemSet.
         run_seed: the seed of `drpbench run`: of point clouds and of how boxes move.
         episode: how long an episode is; another one than the benchmark's is for trying things out.
+        reward: "sparse", the verdict at the last step; or "dense", see below.
+        control_mode: "absolute" joint targets [rad], or "delta": actions within [-1, 1] are shares
+            of the velocity limits, and the target lies as far ahead of each joint as the servos lag
+            at that speed.
         render_mode: "rgb_array" to draw lanes with `render` (`drpbench.gym.picture`), or None.
 
     Raises:
@@ -62,8 +77,17 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         problems: str | ProblemSet = "frozen",
         run_seed: int = 0,
         episode: Episode = EPISODE,
+        reward: str = "sparse",
+        control_mode: str = "absolute",
         render_mode: str | None = None,
     ):
+        for name, value, choices in (
+            ("reward", reward, REWARDS),
+            ("control_mode", control_mode, CONTROL_MODES),
+        ):
+            if value not in choices:
+                raise ValueError(f"{name}={value!r}: expected {' or '.join(map(repr, choices))}")
+        self._dense, self._delta = reward == "dense", control_mode == "delta"
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode={render_mode!r}: expected 'rgb_array' or None")
         self.render_mode = render_mode
@@ -78,7 +102,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.num_envs = num_envs
         self.metadata = {**self.metadata, "render_fps": round(1.0 / episode.period)}
         self.single_observation_space = observation_space(world.spec)
-        self.single_action_space = action_space(world.robot)
+        self.single_action_space = (
+            gymnasium.spaces.Box(-1.0, 1.0, (world.robot.joints,), np.float32)
+            if self._delta
+            else action_space(world.robot)
+        )
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._problems = source(problem_set if problems == "frozen" else problems, world)
@@ -107,6 +135,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             self._problems.restart()
         self._ids = self._problems.draw(self.np_random, self.num_envs) if ids is None else ids
         observation = self._lanes.begin(self._problems.take(self._ids))
+        self._joints = np.asarray(observation.joint_position)
+        self._collided = np.zeros(self.num_envs, bool)
+        if self._dense:
+            self._error = _error(*self._lanes.errors())
         return as_dict(observation), self._info()
 
     def step(
@@ -121,9 +153,19 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         targets = np.asarray(actions, np.float32)
         if targets.shape != self.action_space.shape:
             raise ValueError(f"actions have shape {targets.shape}, not {self.action_space.shape}")
+        if self._delta:
+            robot = self._lanes.world.robot
+            ahead = np.clip(targets, -1.0, 1.0) * (robot.velocity_limit * robot.servo_lag)
+            targets = (self._joints + ahead).astype(np.float32)
         observation, outcome = self._lanes.step(targets)
+        self._joints = np.asarray(observation.joint_position)
         over = self._lanes.over
         reward = np.asarray(outcome.verdict.success, float) if over else np.zeros(self.num_envs)
+        if self._dense:
+            now = _error(np.asarray(outcome.position_error), np.asarray(outcome.orientation_error))
+            collided = np.asarray(outcome.verdict.collided)
+            reward = reward + self._error - now - (collided & ~self._collided)
+            self._error, self._collided = now, collided
         terminated = np.zeros(self.num_envs, bool)
         truncated = np.full(self.num_envs, over)
         return as_dict(observation), reward, terminated, truncated, self._info(outcome)
@@ -178,6 +220,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             info |= {name: np.array(getattr(outcome, name)) for name in _MEASURES}
             info |= {name: np.array(getattr(outcome.verdict, name)) for name in _VERDICT}
         return info | {f"_{name}": np.ones(self.num_envs, bool) for name in info}
+
+
+def _error(position: np.ndarray, orientation: np.ndarray) -> np.ndarray:
+    """What the dense reward calls the error [m]."""
+    return position.astype(float) + _RADIAN * orientation.astype(float)
 
 
 def _require_own_process() -> None:

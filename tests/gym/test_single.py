@@ -11,6 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import drpbench.gym
+from drpbench.contract import Episode
 from drpbench.envs import TASKS
 
 pytestmark = pytest.mark.slow
@@ -95,3 +96,26 @@ def test_a_forked_process_is_told_what_to_use_instead():
     with pytest.raises(RuntimeError, match="expected gymnasium.make_vec"):
         envs.reset()
     envs.close(terminate=True)
+
+
+def test_the_dense_return_is_what_came_nearer_less_collisions_plus_success():
+    with pytest.raises(ValueError, match="reward='thick': expected 'sparse' or 'dense'"):
+        drpbench.gym.SingleEnv(task="FDO", reward="thick")
+    episode = Episode(steps=200)
+    env = drpbench.gym.SingleEnv(task="FDO", reward="dense", control_mode="delta", episode=episode)
+    observation, _ = env.reset(options={"id": 3})
+    assert env.action_space.low.tolist() == [-1.0] * 7
+    total, first, start = 0.0, None, observation["joint_position"]
+    for step in range(episode.steps):
+        away = observation["goal_joints"] - observation["joint_position"]
+        observation, reward, _, _, info = env.step(np.sign(away) * 0.5)
+        first = info if first is None else first
+        total += reward
+        if step == 20:  # half of the velocity limits, once the servos are up to it
+            moved = np.abs(observation["joint_velocity"]).max()
+            assert moved == pytest.approx(0.5 * 2.175, rel=0.3)
+    assert np.abs(observation["joint_position"] - start).max() > 0.3
+    error = info["position_error"] + 0.1 * info["orientation_error"]
+    began = total + error + info["collided"] - (info["reached"] and not info["collided"])
+    near = first["position_error"] + 0.1 * first["orientation_error"]
+    assert began == pytest.approx(near, abs=0.02)  # one step later than it began
