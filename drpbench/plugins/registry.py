@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
-from drpbench.baselines import Rmp
+from drpbench.baselines import Rmp, TrajOpt
 from drpbench.contract import (
     EPISODE,
     OF_THE_WORLD,
@@ -69,6 +69,7 @@ POLICIES: dict[str, tuple[Callable[..., Policy], str]] = {
     "impact": (_impact, "the transformer policy alone, with the best weights there are"),
     "impact-pretrained": (_pretrained, "the same before it learned from corrections"),
     "rmp": (Rmp, "Riemannian motion policies from the point cloud alone"),
+    "trajopt": (TrajOpt, "plans with a trajectory optimiser on the obstacle models (privileged)"),
     "straight": (Straight, "the straight line in joint space, blind to the scene"),
     "fold-and-wait": (FoldAndWait, "folds away, waits until the boxes are gone, and goes straight"),
     "hold": (Hold, "stays where it is"),

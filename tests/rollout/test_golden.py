@@ -15,7 +15,7 @@ from .golden import PROBLEMS, digest, golden, processor
 
 pytestmark = pytest.mark.slow
 
-TASK = "FDO"
+TASK = "SE"
 
 
 @pytest.mark.parametrize("policy", ["rmp", "drp"])

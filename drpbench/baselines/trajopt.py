@@ -1,0 +1,181 @@
+"""`trajopt`: the project's own trajectory optimiser as a policy that knows the obstacle models.
+
+At the start it plans to the goal with `drpbench.planning.expert`, gives the path its times within
+the arm's limits (`retiming.retime`), and tracks it. Every few control steps it looks whether what
+is left of the plan is still free among the obstacles as they stand, and plans anew from where the
+arm is if it is not: with the rest of the old path as a hint, and to a place to stop before the goal
+where the goal itself is taken. It knows no motion: obstacles are taken to stay where they are. In
+the manner of cuRobo (Sundaralingam et al., 2023), which it is not.
+"""
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from drpbench.contract import EPISODE, Observation, Scalar
+from drpbench.geometry import Primitives
+from drpbench.planning.clearance_cost import gaps
+from drpbench.planning.expert import PlannerSettings, plan
+from drpbench.planning.retiming import retime
+from drpbench.robot import PANDA, Robot
+
+FIRST = PlannerSettings(iterations=30, vias=11, stop_short=True)
+AGAIN = PlannerSettings(iterations=15, vias=2, stop_short=True)
+_SAMPLES = 256  # of a trajectory
+_LOOKED_AT = 32  # of what is left of one
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Following:
+    """The trajectory that is tracked, and how far."""
+
+    q: Float[Array, "*batch N J"]
+    """[rad] at equal steps of time"""
+    duration: Float[Array, "*batch"]  # [s]
+    room: Float[Array, "*batch"]
+    """[m] The smallest clearance of the plan when it was made."""
+    reached: Bool[Array, "*batch"]
+    """Whether it ends at the goal."""
+    since: Float[Array, "*batch"]
+    """[s] since it was begun"""
+    clock: Int[Array, "*batch"]
+    """control steps of the episode"""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class TrajOpt:
+    """Plans, tracks, and plans anew where the plan is no longer free. Privileged."""
+
+    speed: Scalar = 0.5
+    """Share of the pace that the arm's limits allow."""
+    room: Scalar = 0.03
+    """[m] of clearance below which a plan that had more is made anew."""
+    replan: int = field(default=15, metadata={"static": True})
+    """Control steps between two looks at the plan; 0: it never looks again."""
+    robot: Robot = field(default=PANDA, metadata={"static": True})
+    control_period: float = field(default=EPISODE.period, metadata={"static": True})
+
+    privileged = True
+
+    def init(self, observation: Observation) -> Following:
+        q = observation.joint_position
+        rest = jnp.broadcast_to(q, (_SAMPLES, len(q)))
+        still = Following(
+            rest,
+            jnp.float32(1.0),
+            jnp.float32(0.0),
+            jnp.bool_(False),
+            jnp.float32(0.0),
+            jnp.int32(0),
+        )
+        return self._planned(observation, still, FIRST)
+
+    def act(
+        self, observation: Observation, carry: Following, key: PRNGKeyArray | None
+    ) -> tuple[Float[Array, " J"], Following]:
+        if self.replan:
+            looks = (carry.clock % self.replan == 0) & (carry.clock > 0)
+            carry = _where(
+                looks & self._spoilt(observation, carry), self._again, observation, carry
+            )
+        ahead = carry.since + self.robot.servo_lag
+        target = _at(carry, self.speed * ahead)
+        step = jnp.float32(self.control_period)
+        return target, Following(
+            carry.q, carry.duration, carry.room, carry.reached, carry.since + step, carry.clock + 1
+        )
+
+    def _again(self, observation: Observation, old: Following) -> Following:
+        return self._planned(observation, old, AGAIN)
+
+    def _planned(
+        self, observation: Observation, old: Following, settings: PlannerSettings
+    ) -> Following:
+        """The best plan from where the arm is; the old one where none is found."""
+        rest = jax.vmap(partial(_at, old))(self._left(old))
+        found = plan(
+            models(observation),
+            observation.joint_position,
+            observation.goal_joints,
+            jax.random.key(0),
+            rest[None],
+            settings,
+            self.robot,
+        )
+        timed = retime(jnp.asarray(found.path), _SAMPLES, self.robot)
+        new = Following(
+            jnp.asarray(timed.q),
+            jnp.maximum(timed.duration, 1e-3),
+            jnp.asarray(found.clearance),
+            jnp.asarray(found.reached),
+            jnp.zeros_like(old.since),
+            old.clock,
+        )
+        return jax.tree.map(lambda a, b: jnp.where(found.success, a, b), new, old)
+
+    def _left(self, carry: Following) -> Float[Array, " L"]:
+        """Instants [s of the trajectory] of what is left of it."""
+        now = jnp.minimum(self.speed * carry.since, carry.duration)
+        return now + (carry.duration - now) * jnp.linspace(0.0, 1.0, _LOOKED_AT)
+
+    def _spoilt(self, observation: Observation, carry: Following) -> Bool[Array, ""]:
+        """Whether what is left comes nearer to an obstacle than it should, or the goal, which was
+        taken, may be free now."""
+        rest = jax.vmap(partial(_at, carry))(self._left(carry))
+        ends = jnp.concatenate([rest, observation.goal_joints[None]])
+        room = jax.vmap(lambda q: jnp.min(gaps(q, models(observation), self.robot).obstacle))(ends)
+        least = jnp.minimum(self.room, 0.7 * jnp.maximum(carry.room, 0.0))
+        return (jnp.min(room[:-1]) < least) | (~carry.reached & (room[-1] > 0.0))
+
+
+def _at(carry: Following, time: Float[Array, ""]) -> Float[Array, " J"]:
+    """The trajectory at an instant [s], its end after it."""
+    place = jnp.clip(time / carry.duration, 0.0, 1.0) * (_SAMPLES - 1)
+    low = jnp.minimum(place.astype(jnp.int32), _SAMPLES - 2)
+    return carry.q[low] + (place - low) * (carry.q[low + 1] - carry.q[low])
+
+
+def _where(wanted: Any, new: Any, observation: Observation, old: Following) -> Following:
+    """`new(observation, old)` where it is wanted, else `old`; of a batch nothing is computed unless
+    some lane wants it."""
+
+    @jax.custom_batching.custom_vmap
+    def chosen(wanted: Array, observation: Observation, old: Following) -> Following:
+        return jax.lax.cond(wanted, new, lambda _, old: old, observation, old)
+
+    @chosen.def_vmap
+    def _(
+        count: int, batched: Any, wanted: Array, observation: Observation, old: Following
+    ) -> tuple[Following, Any]:
+        given = (wanted, observation, old)
+        given = jax.tree.map(
+            lambda leaf, is_batched: (
+                leaf if is_batched else jnp.broadcast_to(leaf, (count, *jnp.shape(leaf)))
+            ),
+            given,
+            tuple(batched),
+        )
+        wanted, observation, old = given
+
+        def some(_: None) -> Following:
+            found = jax.vmap(new)(observation, old)
+            return jax.tree.map(
+                lambda a, b: jnp.where(wanted.reshape(-1, *[1] * (a.ndim - 1)), a, b), found, old
+            )
+
+        found = jax.lax.cond(jnp.any(wanted), some, lambda _: old, None)
+        return found, jax.tree.map(lambda _: True, found)
+
+    return chosen(wanted, observation, old)
+
+
+def models(observation: Observation) -> Primitives:
+    """The obstacle models of a privileged observation."""
+    assert observation.obstacles is not None
+    return observation.obstacles
