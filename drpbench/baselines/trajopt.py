@@ -8,6 +8,7 @@ where the goal itself is taken. It knows no motion: obstacles are taken to stay 
 the manner of cuRobo (Sundaralingam et al., 2023), which it is not.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -58,6 +59,10 @@ class TrajOpt:
     """[m] of clearance below which a plan that had more is made anew."""
     replan: int = field(default=15, metadata={"static": True})
     """Control steps between two looks at the plan; 0: it never looks again."""
+    first: PlannerSettings = field(default=FIRST, metadata={"static": True})
+    """Of the plan that an episode begins with."""
+    again: PlannerSettings = field(default=AGAIN, metadata={"static": True})
+    """Of a plan that is made under way."""
     robot: Robot = field(default=PANDA, metadata={"static": True})
     control_period: float = field(default=EPISODE.period, metadata={"static": True})
 
@@ -74,7 +79,7 @@ class TrajOpt:
             jnp.float32(0.0),
             jnp.int32(0),
         )
-        return self._planned(observation, still, FIRST)
+        return self._planned(observation, still, self.first)
 
     def act(
         self, observation: Observation, carry: Following, key: PRNGKeyArray | None
@@ -92,7 +97,7 @@ class TrajOpt:
         )
 
     def _again(self, observation: Observation, old: Following) -> Following:
-        return self._planned(observation, old, AGAIN)
+        return self._planned(observation, old, self.again)
 
     def _planned(
         self, observation: Observation, old: Following, settings: PlannerSettings
@@ -144,35 +149,40 @@ def _at(carry: Following, time: Float[Array, ""]) -> Float[Array, " J"]:
 def _where(wanted: Any, new: Any, observation: Observation, old: Following) -> Following:
     """`new(observation, old)` where it is wanted, else `old`; of a batch nothing is computed unless
     some lane wants it."""
+    # As leaves: what says which of them are batched is no observation, nor a plan.
+    seen, seen_form = jax.tree.flatten(observation)
+    before, form = jax.tree.flatten(old)
+    count_seen = len(seen)
+
+    def again(leaves: Sequence[Array]) -> tuple[Array, ...]:
+        seen, before = leaves[:count_seen], leaves[count_seen:]
+        found = new(jax.tree.unflatten(seen_form, seen), jax.tree.unflatten(form, before))
+        return tuple(jax.tree.leaves(found))
 
     @jax.custom_batching.custom_vmap
-    def chosen(wanted: Array, observation: Observation, old: Following) -> Following:
-        return jax.lax.cond(wanted, new, lambda _, old: old, observation, old)
+    def chosen(wanted: Array, *leaves: Array) -> tuple[Array, ...]:
+        kept = tuple(leaves[count_seen:])
+        return jax.lax.cond(wanted, again, lambda _: kept, leaves)
 
     @chosen.def_vmap
     def _(
-        count: int, batched: Any, wanted: Array, observation: Observation, old: Following
-    ) -> tuple[Following, Any]:
-        given = (wanted, observation, old)
-        given = jax.tree.map(
-            lambda leaf, is_batched: (
-                leaf if is_batched else jnp.broadcast_to(leaf, (count, *jnp.shape(leaf)))
-            ),
-            given,
-            tuple(batched),
+        count: int, batched: Sequence, wanted: Array, *leaves: Array
+    ) -> tuple[tuple[Array, ...], tuple[bool, ...]]:
+        wanted, *whole = (
+            leaf if is_batched else jnp.broadcast_to(leaf, (count, *jnp.shape(leaf)))
+            for leaf, is_batched in zip((wanted, *leaves), batched, strict=True)
         )
-        wanted, observation, old = given
+        kept = tuple(leaves[count_seen:])
 
-        def some(_: None) -> Following:
-            found = jax.vmap(new)(observation, old)
-            return jax.tree.map(
-                lambda a, b: jnp.where(wanted.reshape(-1, *[1] * (a.ndim - 1)), a, b), found, old
-            )
+        def some(leaves: Sequence[Array]) -> tuple[Array, ...]:
+            pairs = zip(jax.vmap(again)(leaves), kept, strict=True)
+            lanes = (wanted.reshape(-1, *[1] * (a.ndim - 1)) for a in kept)
+            return tuple(jnp.where(lane, a, b) for lane, (a, b) in zip(lanes, pairs, strict=True))
 
-        found = jax.lax.cond(jnp.any(wanted), some, lambda _: old, None)
-        return found, jax.tree.map(lambda _: True, found)
+        found = jax.lax.cond(jnp.any(wanted), some, lambda _: kept, whole)
+        return found, (True,) * len(kept)
 
-    return chosen(wanted, observation, old)
+    return jax.tree.unflatten(form, chosen(wanted, *seen, *before))
 
 
 def models(observation: Observation) -> Primitives:
