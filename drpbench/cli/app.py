@@ -21,6 +21,7 @@ from drpbench.errors import DrpbenchError, InputError
 from .options import (
     ProblemsFrom,
     set_of_results,
+    shipped_beside,
 )
 
 app = typer.Typer(
@@ -107,7 +108,9 @@ def leaderboard(
     ] = None,
     protocol: Annotated[
         int | None,
-        typer.Option(help="The version of the protocol [default: the newest of the results]"),
+        typer.Option(
+            help="The version of the protocol [default: the newest of which there is a whole run]"
+        ),
     ] = None,
     alone: Annotated[
         bool, typer.Option("--alone", help="Leave the shipped results out beside a folder's.")
@@ -116,7 +119,6 @@ def leaderboard(
 ) -> None:
     """Compare results. Every figure is recomputed from the rows and has a 95 % interval."""
     from drpbench.ranking import build, export, load_dir
-    from drpbench.ranking.board import beside
     from drpbench.ranking.markdown import render_markdown
     from drpbench.ranking.measures import MEASURES
     from drpbench.results.shipped import shipped_results
@@ -128,9 +130,10 @@ def leaderboard(
     if unknown := [name for name in measure or () if name not in known]:
         raise InputError(f"--measure {unknown[0]}: expected one of {', '.join(known)}")
     results = load_dir(folder if folder is not None else shipped_results())
+    sizes = set_of_results(results, problems_from).counts
     if folder is not None and not alone:
-        results |= beside(results, load_dir(shipped_results()))
-    board = build(results, set_of_results(results, problems_from).counts, protocol)
+        results |= shipped_beside(results, sizes, protocol)
+    board = build(results, sizes, protocol)
     if format in texts:
         print(texts[format](board), end="")
         return

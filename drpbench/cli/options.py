@@ -56,6 +56,26 @@ def set_of_results(results: "Mapping[str, Result]", path: Path | None) -> "Probl
     return set_of(name, result.header, given_set(path))
 
 
+def shipped_beside(
+    results: "Mapping[str, Result]", sizes: Mapping[str, int], protocol: int | None
+) -> "dict[str, Result]":
+    """The shipped results that stand beside these; says where there is none."""
+    from drpbench.ranking import load_dir
+    from drpbench.ranking.board import beside, of_protocol
+    from drpbench.results.shipped import shipped_results
+
+    own = of_protocol(results, sizes, protocol)
+    found = beside(own, load_dir(shipped_results()))
+    if not found:
+        header = next(iter(own.values())).header
+        typer.echo(
+            f"no shipped result has these problems of {header.problem_set} by protocol "
+            f"{header.protocol}, seed {header.seed}: none stands beside",
+            err=True,
+        )
+    return found
+
+
 def one_task(text: str, problem_set: "ProblemSet") -> str:
     """The name of a task of the set, however it is written."""
     return parse_tasks(text, problem_set, several=False)[0]

@@ -9,7 +9,7 @@ import typer
 from drpbench.errors import InputError
 
 from .extras import require
-from .options import ProblemsFrom, set_of_results
+from .options import ProblemsFrom, set_of_results, shipped_beside
 
 if TYPE_CHECKING:
     from drpbench.problems import ProblemSet
@@ -30,6 +30,15 @@ def report(
             f"is run again. [default: {THUMBNAILS}, of what has them]"
         ),
     ] = None,
+    protocol: Annotated[
+        int | None,
+        typer.Option(
+            help="The version of the protocol [default: the newest of which there is a whole run]"
+        ),
+    ] = None,
+    alone: Annotated[
+        bool, typer.Option("--alone", help="Leave the shipped results out beside a folder's.")
+    ] = False,
     problems_from: ProblemsFrom = None,
 ) -> None:
     """Write one HTML file on results, with charts and failures. An older report is replaced."""
@@ -39,18 +48,23 @@ def report(
     if thumbnails is not None and thumbnails < 0:
         raise InputError(f"--thumbnails {thumbnails}: must not be negative; 0 is none")
     from drpbench.ranking import build, load_dir
+    from drpbench.ranking.board import of_protocol
     from drpbench.report.page import write_report
     from drpbench.results.shipped import shipped_results
 
+    own = folder is not None
     if folder is None:
         folder, here = shipped_results(), Path.cwd()
         folder = folder.relative_to(here) if folder.is_relative_to(here) else folder
     results = load_dir(folder)
     problem_set = set_of_results(results, problems_from)
     expected = problem_set.counts
-    build(results, expected)  # what cannot stand side by side is refused before anything is drawn
-    pictures = _pictures(results, folder, thumbnails, problem_set)
-    write_report(out, results, expected, folder, pictures)
+    shown = of_protocol(results, expected, protocol)
+    others = shipped_beside(results, expected, protocol) if own and not alone else {}
+    # What cannot stand side by side is refused before anything is drawn.
+    build(results | others, expected, protocol)
+    pictures = _pictures(shown, folder, thumbnails, problem_set)
+    write_report(out, results | others, expected, folder, pictures, protocol)
     typer.echo(f"wrote {out}")
 
 

@@ -38,7 +38,7 @@ def submit(
         if standing.place is not None
     ]
     console = console_of()
-    console.print(render_entry(found.entry))
+    console.print(render_entry(found.entry, console))
     sections = {
         "By success, among the shipped results": places or [("none", "no task is complete")],
         "Missing for a full entry": [_line(line) for line in found.missing] or [("nothing", "")],

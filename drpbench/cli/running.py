@@ -221,7 +221,7 @@ def run(
     console = console_of()
     with recorder or nullcontext(), Bars(console, policy) as progress:
         result = run_request(request, progress)
-    console.print(render_entry(build({out.name: result}, sizes).entries[0]))
+    console.print(render_entry(build({out.name: result}, sizes).entries[0], console))
     failures = Counter(row.status for row in result.rows if row.status != "ok")
     for status, count in failures.most_common():
         console.print(

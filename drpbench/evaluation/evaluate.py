@@ -60,7 +60,8 @@ class Evaluation:
         """Success, reach and collision by task: k/n, % and [95 % interval]."""
         text = StringIO()
         board = build({_RESULT: self.result}, self.counts)
-        Console(file=text, width=100).print(render_entry(board.entries[0]))
+        console = Console(file=text, width=100)
+        console.print(render_entry(board.entries[0], console))
         return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
 
     def save(self, path: str | Path) -> None:

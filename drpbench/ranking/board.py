@@ -15,6 +15,7 @@ from pathlib import Path
 from drpbench.errors import DrpbenchError
 from drpbench.results import Header, Result, Row, load
 from drpbench.results.names import forms, is_result
+from drpbench.results.shipped import shipped_results
 
 from .depth import LIGHT_DEPTH, successes_by_depth
 from .markdown import render_markdown
@@ -82,6 +83,7 @@ class Entry:
     Attributes:
         rank: 1 for the best; None for a partial run, which has none.
         about: what the policy is, where its name does not say all; from its results' headers.
+        seed: of the run; what is of several seeds is several entries.
         cells: by task, for the tasks it was run on.
         overall: over all its rows.
         against_next: McNemar's test against the entry below; None for the last entry, and where
@@ -93,14 +95,15 @@ class Entry:
     rank: int | None
     about: str
     privileged: bool
+    seed: int
     cells: Mapping[str, Cell]
     overall: Cell
     against_next: Paired | None
     rows: tuple[Row, ...]
 
     def against(self, other: Entry) -> Paired:
-        """McNemar's test on the instances that both have."""
-        return paired(self.rows, other.rows)
+        """McNemar's test on the instances that both have: of another seed, none."""
+        return paired(self.rows, other.rows if other.seed == self.seed else ())
 
 
 @dataclass(frozen=True)
@@ -151,8 +154,11 @@ def load_dir(folder: str | os.PathLike[str]) -> dict[str, Result]:
     return {file.name: load(file) for file in files}
 
 
-def of_protocol(results: Mapping[str, Result], protocol: int | None) -> dict[str, Result]:
-    """Those of one version of the protocol: the newest that there is, unless one is named.
+def of_protocol(
+    results: Mapping[str, Result], expected: Mapping[str, int], protocol: int | None
+) -> dict[str, Result]:
+    """Those of one version of the protocol, unless one is named: the newest of which there is a
+    whole run, or, where no run is whole, the newest.
 
     Raises LeaderboardError where there is none.
     """
@@ -160,11 +166,18 @@ def of_protocol(results: Mapping[str, Result], protocol: int | None) -> dict[str
     if not versions:
         raise LeaderboardError("no result to compare")
     if protocol is None:
-        protocol = versions[-1]
+        whole = (
+            v for v in reversed(versions) if len(versions) > 1 and _whole(results, expected, v)
+        )
+        protocol = next(whole, versions[-1])
     if protocol not in versions:
         there = ", ".join(map(str, versions))
         raise LeaderboardError(f"expected results of protocol {protocol}, got those of {there}")
     return {name: one for name, one in results.items() if one.header.protocol == protocol}
+
+
+def _whole(results: Mapping[str, Result], expected: Mapping[str, int], protocol: int) -> bool:
+    return any(entry.rank is not None for entry in build(results, expected, protocol).entries)
 
 
 def labelled(results: Mapping[str, Result]) -> dict[str, Result]:
@@ -179,7 +192,7 @@ def labelled(results: Mapping[str, Result]) -> dict[str, Result]:
     found = {}
     for label, names in groups.items():
         headers = [results[name].header for name in names]
-        apart = any(_differ(one, other) for one, other in combinations(headers, 2))
+        apart = any(difference(one, other) for one, other in combinations(headers, 2))
         for name, header in zip(names, headers, strict=True):
             called = f"{label} ({_stem(name)})" if apart else label
             found[name] = results[name].model_copy(
@@ -188,11 +201,15 @@ def labelled(results: Mapping[str, Result]) -> dict[str, Result]:
     return {name: found[name] for name in results}
 
 
-def _differ(one: Header, other: Header) -> bool:
-    """Whether two files cannot be of one entry."""
-    same = (one.policy, one.policy_parameters, one.privileged, one.seed)
-    others = (other.policy, other.policy_parameters, other.privileged, other.seed)
-    return same != others or bool(set(one.tasks) & set(other.tasks))
+def difference(one: Header, other: Header) -> str:
+    """Why two files cannot be of one entry; empty if they can."""
+    for field in ("protocol", "policy", "policy_parameters", "privileged", "seed"):
+        first, second = getattr(one, field), getattr(other, field)
+        if first != second:
+            told = "" if field == "policy_parameters" else f" {first} and {second}"
+            return f"two of {field.replace('_', ' ')}{told}"
+    shared = [task for task in one.tasks if task in other.tasks]
+    return f"both of {', '.join(shared)}" if shared else ""
 
 
 def _stem(name: str) -> str:
@@ -200,16 +217,18 @@ def _stem(name: str) -> str:
 
 
 def beside(own: Mapping[str, Result], shipped: Mapping[str, Result]) -> dict[str, Result]:
-    """Of the shipped results of the same problems and protocol, the rows whose instances are among
-    `own` too, for comparison. What is called as one of `own` is marked."""
-    first = next(iter(own.values())).header
+    """Of the shipped results, the rows whose instances are among `own` too, for comparison: `own`
+    are of one protocol. What is called as one of `own` is marked.
+
+    An instance is a problem and a seed: another seed has other boxes.
+    """
+    worlds = {_world(result.header) for result in own.values()}
     ids = {row.key for result in own.values() for row in result.rows}
     called = {result.header.name or result.header.policy for result in own.values()}
     found = {}
     for name, result in shipped.items():
         header = result.header
-        same = ("problem_set_sha256", "protocol")
-        if any(getattr(header, field) != getattr(first, field) for field in same):
+        if _world(header) not in worlds:
             continue
         rows = [row for row in result.rows if row.key in ids]
         if not rows:
@@ -222,6 +241,20 @@ def beside(own: Mapping[str, Result], shipped: Mapping[str, Result]) -> dict[str
     return found
 
 
+def _world(header: Header) -> tuple[str, int, int]:
+    return header.problem_set_sha256, header.protocol, header.seed
+
+
+def file_of(folder: Path, name: str) -> Path:
+    """Where a result lies: in `folder`, or among those that come with drpbench."""
+    return shipped_results() / name.removeprefix(SHIPPED) if is_shipped(name) else folder / name
+
+
+def is_shipped(name: str) -> bool:
+    """Whether this is what `beside` calls a result."""
+    return name.startswith(SHIPPED)
+
+
 def build(
     results: Mapping[str, Result], expected: Mapping[str, int], protocol: int | None = None
 ) -> Leaderboard:
@@ -231,13 +264,13 @@ def build(
         results: by the name a message should give them, usually the file's. Each is called as
             `labelled` has it.
         expected: number of problems of each task, in the order the tasks are shown.
-        protocol: its version, by default the newest among the results; others are left out.
+        protocol: its version, by default as `of_protocol` has it; others are left out.
 
     Raises:
         LeaderboardError: there is nothing to compare, the problem sets differ, or a row belongs to
             no problem of the set.
     """
-    everything, results = results, labelled(of_protocol(results, protocol))
+    everything, results = results, labelled(of_protocol(results, expected, protocol))
     _require_one_problem_set(results)
     rows: dict[str, list[Row]] = {}
     headers: dict[str, Header] = {}
@@ -255,6 +288,8 @@ def build(
     ranked = sorted(rows, key=lambda one: (partial[one], -overall[one].success.share, one))
     tests: dict[str, Paired] = {}
     for policy, below in pairwise(ranked):
+        if headers[policy].seed != headers[below].seed:
+            continue
         test = paired(rows[policy], rows[below])
         if test.shared:
             tests[policy] = test
@@ -268,7 +303,7 @@ def build(
         others={version: n for version, n in versions.items() if version != first.protocol},
         tasks=tuple(task for task in expected if task in seen),
         own=frozenset(
-            result.header.policy for name, result in results.items() if not name.startswith(SHIPPED)
+            result.header.policy for name, result in results.items() if not is_shipped(name)
         ),
         entries=tuple(
             Entry(
@@ -276,6 +311,7 @@ def build(
                 rank=None if partial[policy] else place,
                 about=headers[policy].about,
                 privileged=headers[policy].privileged,
+                seed=headers[policy].seed,
                 cells=cells[policy],
                 overall=overall[policy],
                 against_next=tests.get(policy),

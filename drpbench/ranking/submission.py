@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 
 from drpbench.contract import (
     EPISODE,
@@ -20,7 +21,7 @@ from drpbench.problems import ProblemSet, ProblemSetError, load_set, matching
 from drpbench.results import Header, Result, ResultsError, Row
 from drpbench.robot import Robot
 
-from .board import Cell, Entry, Leaderboard, build
+from .board import Cell, Entry, Leaderboard, build, difference
 from .measures import ALL
 
 # Rows hold six digits, so what is this much (relatively) off a threshold may be on either side.
@@ -168,9 +169,23 @@ def assess(
     policy = headers[0].policy
     if another := [header.policy for header in headers if header.policy != policy]:
         raise ResultsError(f"these are of two policies, {policy} and {another[0]}; submit one")
-    rivals = {name: other for name, other in others.items() if other.header.policy != policy}
+    for (one, result), (two, other) in combinations(results.items(), 2):
+        if told := difference(result.header, other.header):
+            raise ResultsError(
+                f"{one} and {two}: expected one run, each file of other tasks, got {told}"
+            )
+    rivals = {
+        name: other
+        for name, other in others.items()
+        if policy not in (other.header.policy, other.header.name)
+    }
     sizes = of.counts
-    board = build({**rivals, **results}, sizes)
+    # What the user calls the run is not what it is submitted as.
+    unnamed = {
+        name: result.model_copy(update={"header": result.header.model_copy(update={"name": ""})})
+        for name, result in results.items()
+    }
+    board = build({**rivals, **unnamed}, sizes, headers[0].protocol)
     entry = next(entry for entry in board.entries if entry.policy == policy)
     columns = [*sizes, ALL]
     notes = _notes(headers, [other.header for other in rivals.values()])
@@ -216,6 +231,11 @@ def _missing(
         elif cell.partial:
             ran = cell.success.n + cell.left_out
             lines.append(f"{task}: {count - ran} of {count} problems")
+    protocol = headers[0].protocol
+    newest = max((rival.header.protocol for rival in rivals), default=protocol)
+    if protocol < newest:
+        lines.append(f"protocol {newest}: this is of protocol {protocol}, whose scores differ")
+    rivals = [rival for rival in rivals if rival.header.protocol == protocol]
     seeds = {rival.header.seed for rival in rivals}
     if odd := sorted({header.seed for header in headers} - seeds) if seeds else []:
         wanted = ", ".join(map(str, sorted(seeds)))

@@ -6,7 +6,8 @@ own, a line a task.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from rich import box
 from rich.console import Console, Group, RenderableType
@@ -32,16 +33,17 @@ def render_terminal(
     tables = [_measure_table(board, name, titles[name]) for name in names]
     parts: list[RenderableType] = [Text(measures.heading(board), style="bold")]
     if all(_width(table) <= console.width for table in tables):
-        parts += tables
+        parts += [_broad(table, console.width) for table in tables]
     else:
-        parts += [_entry_table(entry, names) for entry in board.entries]
+        for entry in board.entries:
+            parts += _fitting(partial(_entry_table, entry), names, console.width)
     if len(board.entries) > 1:
         table = _paired_table(board)
-        parts += [table] if _width(table) <= console.width else _paired_in_words(board)
+        fits = _width(table) <= console.width
+        parts += [_broad(table, console.width)] if fits else _paired_in_words(board)
     told = measures.notes(board.entries) + measures.others(board)
     parts += [Text(note, style="dim") for note in told]
-    reported = _reported_table()
-    parts.append(reported if _width(reported) <= console.width else _reported_table("\n"))
+    parts += _fitting(_reported_table, REPORTED_TASKS, console.width)
     parts.append(Text(REPORTED_NOTE, style="dim"))
     return Group(*parts)
 
@@ -50,13 +52,33 @@ def width_needed(board: Leaderboard, wanted: Sequence[str] = SHORT) -> int:
     """Columns that the widest table takes: what a pipe is given."""
     titles = dict(measures.MEASURES)
     tables = [_measure_table(board, name, titles[name]) for name in wanted]
-    return max(_width(table) for table in [*tables, _paired_table(board), _reported_table()])
+    tables += [_paired_table(board), _reported_table(REPORTED_TASKS)]
+    return max(map(_width, tables))
 
 
-def render_entry(entry: Entry) -> RenderableType:
-    """One policy's figures for a terminal: a line per task, a column per measure."""
+def render_entry(entry: Entry, console: Console) -> RenderableType:
+    """One policy's figures for a console: a line per task, a column per measure."""
     told = [Text(note, style="dim") for note in measures.notes([entry])]
-    return Group(_entry_table(entry, SHORT), *told)
+    return Group(*_fitting(partial(_entry_table, entry), SHORT, console.width), *told)
+
+
+def _fitting(
+    table: Callable[[Sequence[str]], Table], columns: Sequence[str], width: int
+) -> list[Table]:
+    """The table with these columns, in as many pieces, one below the other, as the width takes."""
+    pieces: list[Sequence[str]] = []
+    for column in columns:
+        if pieces and _width(table([*pieces[-1], column])) <= width:
+            pieces[-1] = [*pieces[-1], column]
+        else:
+            pieces.append([column])
+    return [_broad(table(piece), width) for piece in pieces]
+
+
+def _broad(table: Table, width: int) -> Table:
+    """The table, so broad that its few columns don't squeeze its title."""
+    table.min_width = min(max(map(len, str(table.title).splitlines())), width)
+    return table
 
 
 def _width(table: Table) -> int:
@@ -94,13 +116,12 @@ def _table(title: str, first: str) -> Table:
         title=title,
         title_justify="left",
         title_style="bold",
-        min_width=min(len(title.strip()), 78),  # few columns must not squeeze the title
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
         pad_edge=False,
         show_edge=False,
     )
-    table.add_column(first, no_wrap=True)
+    table.add_column(first, no_wrap=True, overflow="fold")
     return table
 
 
@@ -133,7 +154,7 @@ def _paired_table(board: Leaderboard) -> Table:
     table = _table(f"\n{measures.PAIRED}", measures.PAIRED_HEAD[0])
     table.add_column(measures.PAIRED_HEAD[1], no_wrap=True)
     for heading in measures.PAIRED_HEAD[2:]:
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=True)
     for one, other, *figures in measures.paired_lines(board):
         table.add_row(*(name.replace("+", "\n+") for name in (one, other)), *figures)
     return table
@@ -148,19 +169,21 @@ def _paired_in_words(board: Leaderboard) -> list[Text]:
     return told
 
 
-def _reported_table(between: str = "/") -> Table:
-    """`between` reach and collision: a line's end makes it narrower."""
+def _reported_table(tasks: Sequence[str]) -> Table:
     table = _table(
         "\nThe paper's table: success %, below it reach/collision % († privileged)", "Method"
     )
-    for task in REPORTED_TASKS:
+    for task in tasks:
         table.add_column(task, justify="right", no_wrap=True)
     for reported in REPORTED:
         table.add_row(
             method(reported).replace(" (", "\n("),
             *(
-                Text.assemble(f"{success:.2f}", "\n", (rate.replace("/", between), "dim"))
-                for success, rate in zip(reported.success, reported_rates(reported), strict=True)
+                Text.assemble(f"{success:.2f}", "\n", (rate, "dim"))
+                for task, success, rate in zip(
+                    REPORTED_TASKS, reported.success, reported_rates(reported), strict=True
+                )
+                if task in tasks
             ),
         )
     return table

@@ -5,12 +5,13 @@ Rows that are not valid stand in no count, and a row that failed to run stays in
 
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import PurePath
+from pathlib import Path
 
 import numpy as np
 
 from drpbench.contract import EPISODE
 from drpbench.ranking import Leaderboard, wilson
+from drpbench.ranking.board import file_of
 from drpbench.ranking.depth import successes_by_depth
 from drpbench.results import Result, Row
 
@@ -32,7 +33,7 @@ ABSENT = -1
 def figures(
     board: Leaderboard,
     results: Mapping[str, Result],
-    folder: PurePath,
+    folder: Path,
     recordings: Mapping[str, Kept],
     pictures: Mapping[Instance, str],
 ) -> dict:
@@ -114,7 +115,7 @@ def failures(
     policies: Sequence[str],
     tasks: Sequence[str],
     results: Mapping[str, Result],
-    folder: PurePath,
+    folder: Path,
 ) -> dict:
     """The instances that are no success, packed into columns of integers.
 
@@ -157,7 +158,9 @@ def failures(
     ]
     columns = zip(*packed, strict=True) if packed else [()] * len(fields)
     return {
-        "replays": [f"drpbench replay {shlex.quote(str(folder / name))}" for name in results],
+        "replays": [
+            f"drpbench replay {shlex.quote(str(file_of(folder, name)))}" for name in results
+        ],
         "families": list(families),
         "links": list(links),
         "statuses": list(statuses),

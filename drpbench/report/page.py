@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 import re
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
@@ -17,7 +18,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from drpbench.ranking import Leaderboard, build, measures
-from drpbench.ranking.board import Cell, Entry, labelled, of_protocol
+from drpbench.ranking.board import Cell, Entry, file_of, labelled, of_protocol
 from drpbench.ranking.measures import ABSENT, ALL, MEASURES, PAIRED, percent
 from drpbench.results import Result, ResultsError
 from drpbench.results.names import recordings_folder
@@ -34,6 +35,7 @@ def write_report(
     expected: Mapping[str, int],
     folder: str | os.PathLike[str] = "",
     pictures: Mapping[Instance, str] = NONE,
+    protocol: int | None = None,
 ) -> None:
     """Writes the report on results, whole or not at all. It links to recordings that lie beside
     them.
@@ -44,14 +46,15 @@ def write_report(
         expected: number of problems of each task, in the order the tasks are shown.
         folder: where the files lie, for the commands that replay an episode.
         pictures: of failures, as `data:` addresses (`report_pictures.pictures`).
+        protocol: its version, as for `drpbench.ranking.build`.
 
     Raises:
         LeaderboardError: the results cannot stand side by side.
         ResultsError: the file cannot be written.
     """
     path, folder = Path(path), Path(folder)
-    beside = {name: kept(recordings_folder(folder / name), path.parent) for name in results}
-    page = render(results, expected, folder, beside, pictures)
+    beside = {name: kept(recordings_folder(file_of(folder, name)), path.parent) for name in results}
+    page = render(results, expected, folder, beside, pictures, protocol)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -70,11 +73,12 @@ def render(
     folder: str | os.PathLike[str] = "",
     recordings: Mapping[str, Kept] = NONE,
     pictures: Mapping[Instance, str] = NONE,
+    protocol: int | None = None,
 ) -> str:
     """The page's HTML; `recordings` by file name, other arguments and errors as those of
     `write_report`."""
-    results = labelled(of_protocol(results, None))
-    board = build(results, expected)
+    board = build(results, expected, protocol)
+    results = labelled(of_protocol(results, expected, board.protocol))
     style, script, template = (_source(f"report.{kind}") for kind in ("css", "js", "html"))
     # Between script tags only `<` has a meaning, and JSON may write it as an escape.
     drawn = figures(board, results, Path(folder), recordings, pictures)
@@ -151,9 +155,10 @@ def _entry(entry: Entry, columns: Sequence[str], measure: str) -> str:
         for column in columns
     ]
     name = escape(entry.policy) + ("†" if entry.privileged else "")
+    place = sys.maxsize if entry.rank is None else entry.rank  # a partial run sorts last
     return (
-        f'<tr data-policy="{escape(entry.policy)}"><td>{measures.rank(entry)}</td>'
-        f'<th scope="row">{name}</th>{"".join(cells)}</tr>'
+        f'<tr data-policy="{escape(entry.policy)}"><td data-value="{place}">'
+        f'{measures.rank(entry)}</td><th scope="row">{name}</th>{"".join(cells)}</tr>'
     )
 
 

@@ -12,6 +12,7 @@ from PIL import Image
 from drpbench.plugins.errors import PolicyError
 from drpbench.policies.weights import WeightsError
 from drpbench.problems import ProblemSet
+from drpbench.ranking.board import labelled
 from drpbench.recording import RecordingError, Replayer, motion
 from drpbench.recording.offscreen import choose_platform
 from drpbench.recording.stage import Stage
@@ -106,6 +107,7 @@ def _wanted(
 ) -> Iterable[tuple[str, Row]]:
     """The file and row of each failure to draw."""
     usable: dict[str, dict[tuple[str, int], tuple[str, Row]]] = {}
+    labels = labelled(results)
     for name, result in results.items():
         rows, saved = result.rows, trajectories_file(folder / name)
         if not again:
@@ -115,7 +117,7 @@ def _wanted(
                 remark(f"no pictures of {name}: {error}")
                 continue
             rows = [row for row in rows if f"{row.task}-{row.id}" in recorded]
-        theirs = usable.setdefault(result.header.policy, {})
+        theirs = usable.setdefault(labels[name].header.policy, {})
         theirs |= {(row.task, row.id): (name, row) for row in rows}
     for theirs in usable.values():
         for row in telling((row for _, row in theirs.values()), count):

@@ -53,9 +53,9 @@ function sortable(table) {
     const title = head.textContent;
     head.textContent = "";
     build(head, "button", { type: "button" }, title).addEventListener("click", () => {
-      const numbers = column > 0;
-      const first = numbers ? "descending" : "ascending";
-      const other = numbers ? "ascending" : "descending";
+      const numbers = title !== "Policy";
+      const first = numbers && title !== "#" ? "descending" : "ascending";
+      const other = first === "ascending" ? "descending" : "ascending";
       const order = head.getAttribute("aria-sort") === first ? other : first;
       for (const cell of table.tHead.rows[0].cells) cell.removeAttribute("aria-sort");
       head.setAttribute("aria-sort", order);

@@ -150,6 +150,28 @@ def test_a_run_is_called_by_its_name(make_result):
     assert {entry.policy for entry in board.entries} == {"rmp", "mine"}
 
 
+def test_a_protocol_of_which_there_is_a_whole_run_comes_before_a_newer_one(make_result):
+    whole, part = {"SE": "++++++", "FDO": "+--", "GB": "---"}, {"FDO": "+-"}
+    results = {
+        "old": make_result("a", whole, protocol=1),
+        "new": make_result("b", whole, protocol=2),
+        "newest": make_result("c", part, protocol=3),
+    }
+    board = build(results, EXPECTED)
+    assert (board.protocol, board.others) == (2, {1: 1, 3: 1})
+    del results["old"], results["new"]
+    results["older"] = make_result("d", part, protocol=2)
+    assert build(results, EXPECTED).protocol == 3  # no run is whole
+
+
+def test_runs_of_two_seeds_are_not_compared_in_pairs(make_result):
+    own = {"a.json": make_result("mine", {"FDO": "++"}, seed=1)}
+    assert beside(own, {"rmp.json": make_result("rmp", {"FDO": "--"})}) == {}
+    board = build(own | {"b.json": make_result("mine", {"FDO": "+-"})}, EXPECTED)
+    assert board.entries[0].against_next is None
+    assert [line[2:] for line in measures.paired_lines(board)] == [["–"] * 5]
+
+
 def test_shipped_results_stand_beside_on_the_same_problems(make_result):
     own = {"mine.json": make_result("mine", {"FDO": "++"})}
     shipped = {

@@ -178,6 +178,47 @@ def test_files_of_one_policy_are_one_entry(shipped):
     assert found.missing == () and not found.entry.overall.partial
 
 
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"seed": 3}, "two of seed 0 and 3"),
+        ({"policy_parameters": {"gain": 2.0}}, "two of policy parameters"),
+        ({"tasks": ("FDO",)}, "both of FDO"),
+    ],
+)
+def test_files_of_two_runs_are_refused(shipped, changes, told):
+    first, second = (
+        restricted(shipped["straight.json.gz"], tasks, policy="mine", **more)
+        for tasks, more in (
+            (("FDO",), {}),
+            (changes.get("tasks", ("DGB",)), {k: v for k, v in changes.items() if k != "tasks"}),
+        )
+    )
+    with pytest.raises(ResultsError, match=f"a.json and b.json: expected one run, .* got {told}"):
+        assess({"a.json": first, "b.json": second}, shipped)
+
+
+def test_a_run_of_its_own_name_is_submitted_as_its_policy(shipped, fdo):
+    named = restricted(fdo, ("FDO",), name="the third try")
+    assert assess({"x.json": named}, shipped).entry.policy == "mine"
+    again = restricted(shipped["rmp.json.gz"], ("FDO",), name="another")
+    found = assess({"x.json": again}, shipped)
+    assert found.entry.policy == "rmp" and any("rmp has already" in note for note in found.notes)
+
+
+def test_a_result_of_an_older_protocol_is_compared_with_its_like_alone(shipped, fdo):
+    newer = {
+        name: restricted(one, one.header.tasks, protocol=fdo.header.protocol + 1)
+        for name, one in shipped.items()
+        if name == "rmp.json.gz"
+    }
+    others = {"hold.json.gz": shipped["hold.json.gz"]} | newer
+    found = assess({"x.json": fdo}, others)
+    was = fdo.header.protocol
+    assert f"protocol {was + 1}: this is of protocol {was}, whose scores differ" in found.missing
+    assert {standing.of for standing in found.standings if standing.task == "FDO"} == {2}
+
+
 def test_files_of_two_policies_are_refused(shipped):
     both = {name: shipped[name] for name in ("rmp.json.gz", "hold.json.gz")}
     with pytest.raises(ResultsError, match="two policies, rmp and hold"):

@@ -1,11 +1,13 @@
 import csv
 import io
 import json
+import re
 
 import pytest
 from rich.console import Console
 
 from drpbench.ranking import Leaderboard, build, export, render_entry
+from drpbench.ranking.board import Entry, beside
 from drpbench.ranking.markdown import render_markdown
 from drpbench.ranking.measures import MEASURES
 from drpbench.ranking.reported import REPORTED, REPORTED_NOTE, REPORTED_TASKS
@@ -36,6 +38,8 @@ def shown(what, width, *wanted):
     console = Console(file=file, width=width)
     if isinstance(what, Leaderboard):
         what = render_terminal(what, console, *wanted)
+    elif isinstance(what, Entry):
+        what = render_entry(what, console)
     console.print(what)
     text = file.getvalue()
     assert max(map(len, text.splitlines())) <= width
@@ -57,13 +61,33 @@ def test_where_there_is_room_every_figure_stands_on_one_line(board):
     assert text.count("Success: reached, never collided") == 1
 
 
-@pytest.mark.parametrize("width", [100, 80, 66])
-def test_a_narrow_terminal_loses_no_figure(board, width):
-    text = shown(board, width)
-    for figures in ("2416/3200 75.5", "[69.1, 80.9]", "151/200 75.5", "20/20 100*"):
-        assert figures in text
-    assert ("straight+dcp-rmp (rank 1)" in text) == (width < 90)
-    assert "95.25" in text  # the last of the paper's, in its widest column
+@pytest.fixture(scope="module")
+def compared(make_result):
+    """Runs with long names, shipped ones beside them."""
+    own = {
+        "a.json": make_result("my_package.my_module:MyPolicy", {"FDO": "++x-+"}),
+        "b.json": make_result("mine", {"FDO": "+xx-+"}, name="checkpoint 10000 of a long run"),
+    }
+    shipped = [make_result("rmp", verdicts(0.5)), make_result("straight+dcp-rmp", verdicts(0.2))]
+    named = {f"{one.header.policy}.json": one for one in shipped}
+    return build(own | beside(own, named), EXPECTED)
+
+
+@pytest.mark.parametrize("width", [120, 100, 80, 66, 50, 40, 32])
+@pytest.mark.parametrize("which", ["board", "compared"])
+def test_no_terminal_is_too_narrow_for_a_figure(which, width, request):
+    board = request.getfixturevalue(which)
+    # Counts, shares, bounds, differences and p-values; the verdict's 15° is in a wide title alone.
+    wide, narrow = (
+        {word.strip("():;,.") for word in re.findall(r"\S*\d\S*", text)} - {"15°"}
+        for text in (shown(board, 400), shown(board, width))
+    )
+    assert len(wide) > 60 and wide <= narrow, wide - narrow
+
+
+@pytest.mark.parametrize("width", [100, 66, 50, 40, 32])
+def test_where_there_is_no_room_each_policy_has_its_own_table(board, width):
+    assert ("straight+dcp-rmp (rank 1)" in " ".join(shown(board, width).split())) == (width < 100)
 
 
 def test_a_table_is_of_what_is_asked_for(board):
@@ -117,7 +141,7 @@ def test_the_papers_figures_stand_beneath_and_apart(board):
 
 def test_one_policy_has_a_line_per_task(board):
     (entry,) = [entry for entry in board.entries if entry.policy == "straight+dcp-rmp"]
-    lines = shown(render_entry(entry), 80).splitlines()
+    lines = shown(entry, 80).splitlines()
     (line,) = [line.split() for line in lines if line.startswith("FDO")]
     assert line == [
         "FDO",
@@ -133,7 +157,7 @@ def test_one_policy_has_a_line_per_task(board):
 
 def test_one_policy_on_one_task_needs_no_sum(board):
     (entry,) = [entry for entry in board.entries if entry.policy == "curobo"]
-    text = shown(render_entry(entry), 80)
+    text = shown(entry, 80)
     assert "All " not in text
     assert "20/20 100*" in text
 

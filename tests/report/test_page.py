@@ -30,7 +30,7 @@ from drpbench.report.figures import (
     reason,
 )
 from drpbench.report.page import render, write_report
-from drpbench.report.pictures import SIZE, pictures, telling
+from drpbench.report.pictures import SIZE, _wanted, pictures, telling
 from drpbench.report.recordings import Kept, kept
 from drpbench.results import save
 from drpbench.results.shipped import shipped_results
@@ -200,6 +200,53 @@ def test_the_command_writes_the_report_and_refuses_another_ending(tmp_path):
     assert "must end in .html" in str(wrong.exception)
 
 
+def test_shipped_results_stand_in_the_report_beside_a_folder(tmp_path):
+    """On the problems that both have, and with the command that replays them where they lie."""
+    shipped = load_dir(shipped_results())
+    name, one = next((n, r) for n, r in shipped.items() if "FDO" in r.header.tasks)
+    rows = [r for r in one.rows if r.task == "FDO"][:20]
+    changes = {"tasks": ["FDO"], "problems": {"FDO": [r.id for r in rows]}, "policy": "mine"}
+    mine = one.model_copy(update={"header": one.header.model_copy(update=changes), "rows": rows})
+    for checkpoint in (1, 2):
+        save(mine, tmp_path / "runs" / f"at-{checkpoint}.json")
+
+    def page(*more):
+        out = tmp_path / "report.html"
+        told = CliRunner().invoke(app, ["report", str(tmp_path / "runs"), "--out", str(out), *more])
+        assert told.exit_code == 0, told.exception
+        return Page(out.read_text())
+
+    own = {"mine (at-1)", "mine (at-2)"}
+    beside, alone = page(), page("--alone")
+    names = {line[1].removesuffix("†") for line in beside.tables[0][1:]}
+    assert own < names and one.header.policy in names
+    assert {line[1] for line in alone.tables[0][1:]} == own
+    assert {line[2].rpartition("]")[2].partition("/")[2] for line in beside.tables[0][1:]} <= {"20"}
+    data = json.loads(beside.scripts[0])
+    assert f"drpbench replay {shipped_results() / name}" in data["failures"]["replays"]
+    (paired,) = (table for table in beside.tables if table[0][:2] == ["Policy", "against"])
+    assert ["mine (at-1)", one.header.policy, "0", "0", "20"] in [line[:5] for line in paired]
+
+
+def test_the_report_is_of_one_protocol_and_says_what_it_leaves_out():
+    old, new = some_results()["good.json"], some_results()["it's.json"]
+    header = new.header.model_copy(update={"protocol": 2})
+    new = new.model_copy(update={"header": header, "rows": new.rows[:-1]})  # no whole run
+    results = {"old.json": old, "new.json": new}
+    html = render(results, EXPECTED)
+    assert "protocol 1." in html and "1 result is of protocol 2 and left out" in html
+    assert "protocol 2." in render(results, EXPECTED, protocol=2)
+
+
+def test_pictures_are_of_each_of_two_runs_of_a_policy(tmp_path):
+    results = {
+        f"{name}.json": result("mine", [row("SE", i, reached=False) for i in range(4)])
+        for name in ("a", "b")
+    }
+    wanted = list(_wanted(results, tmp_path, 2, True, pytest.fail))
+    assert [name for name, _ in wanted] == ["a.json"] * 2 + ["b.json"] * 2
+
+
 def test_what_lies_beside_a_result_is_found_and_moves_with_the_report(tmp_path):
     folder = tmp_path / "a b" / "good"
     folder.mkdir(parents=True)
@@ -363,10 +410,18 @@ def test_a_browser_draws_sorts_and_filters_without_complaint(browser, tmp_path):
     assert js("document.querySelectorAll('#clearances svg').length") == 2
 
     assert js(RANKED) == ["good", HOSTILE + "†"]
-    js("document.querySelectorAll('.measure[open] thead button')[2].click()")
-    js("document.querySelectorAll('.measure[open] thead button')[2].click()")
+    by_se, by_policy, by_rank = (
+        f"document.querySelectorAll('.measure[open] thead button')[{place}].click()"
+        for place in (2, 1, 0)
+    )
+    js(by_se)
+    js(by_se)
     assert js(RANKED) == [HOSTILE + "†", "good"]
     assert js("document.querySelector('.measure[open] [aria-sort]').ariaSort") == "ascending"
+    js(by_rank)
+    assert js(RANKED) == ["good", HOSTILE + "†"]
+    js(by_policy)
+    assert js(RANKED) == [HOSTILE + "†", "good"]
 
     listed = js(LINES)
     assert len(listed) == 7 and listed[0][:5] == [
