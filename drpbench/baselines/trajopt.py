@@ -25,7 +25,7 @@ from drpbench.planning.retiming import retime
 from drpbench.robot import PANDA, Robot
 
 FIRST = PlannerSettings(iterations=30, vias=11, stop_short=True)
-AGAIN = PlannerSettings(iterations=15, vias=2, stop_short=True)
+AGAIN = PlannerSettings(iterations=15, vias=5, stop_short=True)
 _SAMPLES = 256  # of a trajectory
 _LOOKED_AT = 32  # of what is left of one
 
