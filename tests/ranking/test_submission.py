@@ -19,7 +19,7 @@ from drpbench.results.shipped import shipped_results
 @pytest.fixture(scope="module")
 def shipped():
     """The baselines' alone: what the best policy's rows say must not move the places below."""
-    names = ("hold", "rmp", "straight+dcp-rmp", "straight")
+    names = ("hold", "fold-and-wait", "straight")
     results = load_dir(shipped_results())
     return {f"{name}.json.gz": results[f"{name}.json.gz"] for name in names}
 
@@ -85,7 +85,7 @@ def test_what_is_shipped_is_correct():
     ],
 )
 def test_a_row_edited_by_hand_is_named(shipped, wanted, changes, told):
-    result = edited(shipped["rmp.json.gz"], wanted, **changes)
+    result = edited(shipped["fold-and-wait.json.gz"], wanted, **changes)
     with pytest.raises(ResultsError, match=told) as refused:
         check("x.json", result)
     assert str(refused.value).startswith("x.json: ") and "\n" not in str(refused.value)
@@ -128,28 +128,21 @@ def test_an_id_out_of_range_is_named(fdo):
 
 
 def test_a_whole_run_has_a_place_in_every_task(shipped):
-    mine = restricted(shipped["straight+dcp-rmp.json.gz"], load_set().counts, policy="mine")
+    mine = restricted(shipped["straight.json.gz"], load_set().counts, policy="mine")
     found = assess({"x.json": mine}, shipped)
     places = {standing.task: (standing.place, standing.of) for standing in found.standings}
-    # As the table of the shipped results has it; ties share a place, `hold` has no valid row in GB.
-    assert places == {
-        "SE": (2, 5),
-        "SAO": (2, 5),
-        "FDO": (2, 5),
-        "GB": (2, 4),
-        "DGB": (2, 5),
-        "All": (2, 5),
-    }
-    assert {standing.ahead for standing in found.standings} == {"rmp"}
+    # One waits, one is the same, one stands still; ties share a place.
+    assert places == dict.fromkeys(("SE", "SAO", "FDO", "GB", "DGB", "All"), (2, 4))
+    assert {standing.ahead for standing in found.standings} == {"fold-and-wait"}
     assert found.missing == () and found.notes == ()
     low, high = found.entry.overall.success.interval
     assert low < found.entry.overall.success.share < high
 
 
 def test_an_entry_again_is_compared_with_the_others_alone(shipped):
-    found = assess({"x.json": shipped["rmp.json.gz"]}, shipped)
-    assert [standing.of for standing in found.standings] == [4, 4, 4, 3, 4, 4]
-    assert any("rmp has already" in note for note in found.notes)
+    found = assess({"x.json": shipped["fold-and-wait.json.gz"]}, shipped)
+    assert [standing.of for standing in found.standings] == [3, 3, 3, 3, 3, 3]
+    assert any("fold-and-wait has already" in note for note in found.notes)
 
 
 def test_what_is_missing_is_said(shipped, fdo):
@@ -201,16 +194,18 @@ def test_files_of_two_runs_are_refused(shipped, changes, told):
 def test_a_run_of_its_own_name_is_submitted_as_its_policy(shipped, fdo):
     named = restricted(fdo, ("FDO",), name="the third try")
     assert assess({"x.json": named}, shipped).entry.policy == "mine"
-    again = restricted(shipped["rmp.json.gz"], ("FDO",), name="another")
+    again = restricted(shipped["fold-and-wait.json.gz"], ("FDO",), name="another")
     found = assess({"x.json": again}, shipped)
-    assert found.entry.policy == "rmp" and any("rmp has already" in note for note in found.notes)
+    assert found.entry.policy == "fold-and-wait" and any(
+        "fold-and-wait has already" in note for note in found.notes
+    )
 
 
 def test_a_result_of_an_older_protocol_is_compared_with_its_like_alone(shipped, fdo):
     newer = {
         name: restricted(one, one.header.tasks, protocol=fdo.header.protocol + 1)
         for name, one in shipped.items()
-        if name == "rmp.json.gz"
+        if name == "fold-and-wait.json.gz"
     }
     others = {"hold.json.gz": shipped["hold.json.gz"]} | newer
     found = assess({"x.json": fdo}, others)
@@ -220,8 +215,8 @@ def test_a_result_of_an_older_protocol_is_compared_with_its_like_alone(shipped, 
 
 
 def test_files_of_two_policies_are_refused(shipped):
-    both = {name: shipped[name] for name in ("rmp.json.gz", "hold.json.gz")}
-    with pytest.raises(ResultsError, match="two policies, rmp and hold"):
+    both = {name: shipped[name] for name in ("fold-and-wait.json.gz", "hold.json.gz")}
+    with pytest.raises(ResultsError, match="two policies, fold-and-wait and hold"):
         assess(both, shipped)
 
 
@@ -242,7 +237,9 @@ def command(monkeypatch, capsys, *arguments):
 
 
 def test_the_command_shows_places_and_intervals(monkeypatch, capsys):
-    code, shown, _ = command(monkeypatch, capsys, "submit", shipped_results() / "rmp.json.gz")
+    code, shown, _ = command(
+        monkeypatch, capsys, "submit", shipped_results() / "fold-and-wait.json.gz"
+    )
     assert code == 0
     assert (
         re.search(r"place \d of \d", shown) and "135/200 67.5" in shown and "[60.7, 73.6]" in shown

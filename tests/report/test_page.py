@@ -12,8 +12,10 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from drpbench.cli.app import app
+from drpbench.contract import PROTOCOL
 from drpbench.problems import load_set
 from drpbench.ranking import build, load_dir, wilson
+from drpbench.ranking.board import labelled, of_protocol
 from drpbench.recording import RecordingError, Replay
 from drpbench.recording.container import MAGIC
 from drpbench.report.figures import (
@@ -90,7 +92,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def shipped():
-    return load_dir(shipped_results())
+    return labelled(of_protocol(load_dir(shipped_results()), load_set().counts, PROTOCOL))
 
 
 def test_the_figures_of_the_shipped_results_are_their_rows_counted_one_by_one(shipped):
