@@ -9,8 +9,7 @@ the manner of cuRobo (Sundaralingam et al., 2023), which it is not.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import jax
@@ -21,6 +20,7 @@ from drpbench.contract import EPISODE, Observation, Scalar
 from drpbench.geometry import Primitives
 from drpbench.planning.clearance_cost import gaps
 from drpbench.planning.expert import PlannerSettings, plan
+from drpbench.planning.polyline import between
 from drpbench.planning.retiming import retime
 from drpbench.robot import PANDA, Robot
 
@@ -46,6 +46,11 @@ class Following:
     """[s] since it was begun"""
     clock: Int[Array, "*batch"]
     """control steps of the episode"""
+
+    def at(self, times: Float[Array, " L"]) -> Float[Array, "L J"]:
+        """The trajectory at some instants [s], its end after it."""
+        share = jnp.clip(times / self.duration, 0.0, 1.0)
+        return between(self.q, share * (len(self.q) - 1))
 
 
 @jax.tree_util.register_dataclass
@@ -90,11 +95,9 @@ class TrajOpt:
                 looks & self._spoilt(observation, carry), self._again, observation, carry
             )
         ahead = carry.since + self.robot.servo_lag
-        target = _at(carry, self.speed * ahead)
+        (target,) = carry.at(self.speed * ahead[None])
         step = jnp.float32(self.control_period)
-        return target, Following(
-            carry.q, carry.duration, carry.room, carry.reached, carry.since + step, carry.clock + 1
-        )
+        return target, replace(carry, since=carry.since + step, clock=carry.clock + 1)
 
     def _again(self, observation: Observation, old: Following) -> Following:
         return self._planned(observation, old, self.again)
@@ -103,9 +106,9 @@ class TrajOpt:
         self, observation: Observation, old: Following, settings: PlannerSettings
     ) -> Following:
         """The best plan from where the arm is; the old one where none is found."""
-        rest = jax.vmap(partial(_at, old))(self._left(old))
+        rest = old.at(self._left(old))
         found = plan(
-            models(observation),
+            _models(observation),
             observation.joint_position,
             observation.goal_joints,
             jax.random.key(0),
@@ -132,18 +135,11 @@ class TrajOpt:
     def _spoilt(self, observation: Observation, carry: Following) -> Bool[Array, ""]:
         """Whether what is left comes nearer to an obstacle than it should, or the goal, which was
         taken, may be free now."""
-        rest = jax.vmap(partial(_at, carry))(self._left(carry))
+        rest = carry.at(self._left(carry))
         ends = jnp.concatenate([rest, observation.goal_joints[None]])
-        room = jax.vmap(lambda q: jnp.min(gaps(q, models(observation), self.robot).obstacle))(ends)
+        room = jax.vmap(lambda q: jnp.min(gaps(q, _models(observation), self.robot).obstacle))(ends)
         least = jnp.minimum(self.room, 0.7 * jnp.maximum(carry.room, 0.0))
         return (jnp.min(room[:-1]) < least) | (~carry.reached & (room[-1] > 0.0))
-
-
-def _at(carry: Following, time: Float[Array, ""]) -> Float[Array, " J"]:
-    """The trajectory at an instant [s], its end after it."""
-    place = jnp.clip(time / carry.duration, 0.0, 1.0) * (_SAMPLES - 1)
-    low = jnp.minimum(place.astype(jnp.int32), _SAMPLES - 2)
-    return carry.q[low] + (place - low) * (carry.q[low + 1] - carry.q[low])
 
 
 def _where(wanted: Any, new: Any, observation: Observation, old: Following) -> Following:
@@ -172,7 +168,7 @@ def _where(wanted: Any, new: Any, observation: Observation, old: Following) -> F
             leaf if is_batched else jnp.broadcast_to(leaf, (count, *jnp.shape(leaf)))
             for leaf, is_batched in zip((wanted, *leaves), batched, strict=True)
         )
-        kept = tuple(leaves[count_seen:])
+        kept = tuple(whole[count_seen:])
 
         def some(leaves: Sequence[Array]) -> tuple[Array, ...]:
             pairs = zip(jax.vmap(again)(leaves), kept, strict=True)
@@ -185,7 +181,7 @@ def _where(wanted: Any, new: Any, observation: Observation, old: Following) -> F
     return jax.tree.unflatten(form, chosen(wanted, *seen, *before))
 
 
-def models(observation: Observation) -> Primitives:
+def _models(observation: Observation) -> Primitives:
     """The obstacle models of a privileged observation."""
     assert observation.obstacles is not None
     return observation.obstacles

@@ -79,21 +79,22 @@ class Drawer:
         own stream."""
         if stream == "benchmark":
             raise ValueError("the benchmark's own stream is not for learning")
-        if unknown := [name for name in families if name not in SCENES] or not families:
-            raise ValueError(f"expected families of {', '.join(SCENES)}, got {unknown or 'none'}")
+        unknown = [name for name in families if name not in SCENES]
+        if unknown or not families:
+            got = ", ".join(unknown) or "none"
+            raise ValueError(f"expected families of {', '.join(SCENES)}, got {got}")
         self._stream = zlib.crc32(stream.encode())
         self._spheres = sphere_checker(CHECKER_MARGIN, robot)
         self._generator = Generator(
             self._spheres, None, HostInverseKinematics(robot), shortcuts=_SHORTCUTS
         )
+        others = sum(name != assembly.NAME for name in families)
         shares = np.array(
             [
-                ASSEMBLED_SHARE if name == assembly.NAME else 1.0 - ASSEMBLED_SHARE
+                ASSEMBLED_SHARE if name == assembly.NAME else (1.0 - ASSEMBLED_SHARE) / others
                 for name in families
             ]
         )
-        others = sum(name != assembly.NAME for name in families)
-        shares[[name != assembly.NAME for name in families]] /= max(others, 1)
         self._families, self._shares = tuple(families), shares / shares.sum()
 
     def draw(self, index: int) -> Drawn:

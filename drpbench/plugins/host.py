@@ -66,6 +66,8 @@ class Hosted:
         """
         self.policy: HostPolicy | None = policy
         self._build, self.time_limit = build, time_limit
+        self.about = str(getattr(policy, "about", ""))
+        """What the policy says that it is, for a result's header."""
         self.arrays = getattr(policy, "arrays", "numpy")
         if self.arrays not in HANDED:
             raise PolicyError(

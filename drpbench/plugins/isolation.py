@@ -20,6 +20,7 @@ from .errors import PolicyError
 from .host import TIME_LIMIT
 from .registry import FROM_FILE, POLICIES, Choice, hosted_over, split
 from .remote import Remote
+from .serving import REFUSED
 
 PATIENCE = 120.0
 """[s] that a policy may take to be made."""
@@ -55,7 +56,7 @@ def isolated(
     with tempfile.TemporaryDirectory(prefix="drpbench-") as folder:
         path = str(Path(folder) / "policy")
         command = [sys.executable, "-m", "drpbench.plugins.serving", base, path, f"{time_limit:g}"]
-        process = subprocess.Popen([*command, *arguments], stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen([*command, *arguments])
         try:
             _await(process, path, base)
             policy = Remote(path, time_limit)
@@ -72,8 +73,9 @@ def _await(process: subprocess.Popen, path: str, name: str) -> None:
     until = time.monotonic() + PATIENCE
     while not Path(path).exists():
         if process.poll() is not None:
-            lines = (process.stderr.read() if process.stderr else "").strip().splitlines()
-            raise PolicyError(lines[-1] if lines else f"{name}: its process ended at once")
+            refusal = Path(path + REFUSED)
+            ended = f"{name}: its process ended at once"
+            raise PolicyError(refusal.read_text() if refusal.exists() else ended)
         if time.monotonic() >= until:
             raise PolicyError(f"{name}: was not made within {PATIENCE:g} s in a process of its own")
         time.sleep(0.05)

@@ -200,7 +200,7 @@ def _theirs(
     policy = build()
     check(name, policy, observation_spec(world["robot"]))
     own = parameters(policy) if is_dataclass(policy) else settings(factory, chosen, fixed)
-    own = {"policy." * len(wrappers) + key: value for key, value in own.items()}
+    own = _beneath(wrappers, own)
     if not is_host(policy):
         policy = _wrapped(policy, wrappers, world)
         return Choice(policy, parameters(policy) | own)
@@ -214,8 +214,13 @@ def _remote(
         return Remote(address, time_limit)
 
     policy = connect()
-    own = {"policy." * len(wrappers) + key: value for key, value in policy.parameters.items()}
+    own = _beneath(wrappers, policy.parameters)
     return _hosted(policy, connect, wrappers, own, time_limit, world, slack=5.0)
+
+
+def _beneath(wrappers: list[str], own: Mapping[str, Any]) -> dict[str, Any]:
+    """A policy's own parameters, by the names that they have under its wrappers."""
+    return {"policy." * len(wrappers) + key: value for key, value in own.items()}
 
 
 def hosted_over(
@@ -228,7 +233,7 @@ def hosted_over(
 ) -> Choice:
     """A policy behind a socket, with wrappers over it, as if it were in this process: with the
     parameters that the other one states of it, its host's among them."""
-    own = {"policy." * len(wrappers) + key: v for key, v in stated.items() if key[:5] != "host."}
+    own = _beneath(wrappers, {key: v for key, v in stated.items() if key[:5] != "host."})
     choice = _hosted(policy, build, wrappers, own, time_limit, world, slack=5.0)
     told = {key: value for key, value in choice.parameters.items() if key[:5] != "host."}
     return Choice(choice.policy, told | {key: v for key, v in stated.items() if key[:5] == "host."})

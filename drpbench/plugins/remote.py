@@ -56,23 +56,21 @@ def _plain(array: Any) -> np.ndarray:
 class Connection:
     """A socket on which whole messages come and go. Raises OSError, TimeoutError or Garbage."""
 
-    def __init__(self, address: str, limit: float):
-        """`address`: host:port, or the path of a Unix socket (with a slash)."""
-        if "/" in address:
-            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-            self._socket.settimeout(limit)
-            self._socket.connect(address)
-        else:
-            host, port = _host_and_port(address)
-            self._socket = socket.create_connection((host, port), limit)
-            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    def __init__(self, connected: socket.socket):
+        self._socket, self._deadline = connected, math.inf
 
     @classmethod
-    def over(cls, accepted: socket.socket) -> "Connection":
-        """The other end of one."""
-        connection = cls.__new__(cls)
-        connection._socket, connection._deadline = accepted, math.inf
-        return connection
+    def to(cls, address: str, limit: float) -> "Connection":
+        """`address`: host:port, or the path of a Unix socket (with a slash)."""
+        if "/" in address:
+            connected = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            connected.settimeout(limit)
+            connected.connect(address)
+        else:
+            host, port = _host_and_port(address)
+            connected = socket.create_connection((host, port), limit)
+            connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return cls(connected)
 
     def ask(self, message: bytes, limit: float) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         """The answer to a message, its header and arrays, within the limit [s]."""
@@ -153,7 +151,7 @@ class Remote:
         self.address, self.time_limit = address, time_limit
         self._connection: Connection | None = None
         hello = self._connect(0.0, time_limit)
-        self.privileged = hello["privileged"]
+        self.privileged, self.about = hello["privileged"], hello["about"]
         self.told = hello["parameters"]
         """The parameters that it states."""
         self.parameters = {"remote": hello["name"], **self.told}
@@ -194,7 +192,7 @@ class Remote:
         name, until = f"remote:{self.address}", time.monotonic() + patience
         while self._connection is None:
             try:
-                self._connection = Connection(self.address, limit)
+                self._connection = Connection.to(self.address, limit)
             except OSError as error:
                 if time.monotonic() >= until:
                     raise PolicyError(
@@ -239,10 +237,11 @@ def _checked(hello: dict[str, Any]) -> dict[str, Any]:
         )
     found = {
         "name": hello.get("name", "unnamed"),
+        "about": hello.get("about", ""),
         "privileged": hello.get("privileged", False),
         "parameters": hello.get("parameters", {}),
     }
-    wanted = {"name": str, "privileged": bool, "parameters": dict}
+    wanted = {"name": str, "about": str, "privileged": bool, "parameters": dict}
     for key, kind in wanted.items():
         if not isinstance(found[key], kind):
             raise Garbage(f"its {key} is no {kind.__name__}")

@@ -8,7 +8,7 @@ It sees what comes through the socket, and nothing else of the process that keep
 import os
 import socket
 import sys
-from functools import partial
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -25,6 +25,8 @@ from .host import Failed, Hosted
 from .registry import Choice, choose
 from .remote import PROTOCOL, Connection, packed
 
+REFUSED = ".refused"
+"""Of the file beside the socket that says why a policy cannot be served."""
 LANES = 64
 """Smallest batch that a policy in JAX is compiled for."""
 
@@ -45,6 +47,7 @@ class Served:
                     "hello",
                     protocol=PROTOCOL,
                     name=self._name,
+                    about=str(getattr(self._choice.policy, "about", "")),
                     privileged=bool(self._choice.policy.privileged),
                     parameters={**self._choice.parameters},
                 )
@@ -102,11 +105,7 @@ def _step(policy: Any, observation: Observation, carry: Any, clock: jax.Array) -
     """As a run has it, with random keys of its own: which instances these are is not told."""
     lanes = len(observation.joint_position)
     keys = jax.random.split(jax.random.fold_in(jax.random.key(0), clock), lanes)
-    return jax.vmap(partial(_one, policy))(observation, carry, keys)
-
-
-def _one(policy: Any, observation: Observation, carry: Any, key: jax.Array) -> tuple[Any, Any]:
-    return policy.act(observation, carry, key)
+    return jax.vmap(policy.act)(observation, carry, keys)
 
 
 def main(name: str, path: str, time_limit: str, *arguments: str) -> None:
@@ -114,7 +113,7 @@ def main(name: str, path: str, time_limit: str, *arguments: str) -> None:
     try:
         served = Served(name, choose(name, arguments, float(time_limit)))
     except (DrpbenchError, ValueError) as error:
-        print(error, file=sys.stderr)
+        Path(path + REFUSED).write_text(str(error))
         sys.exit(2)
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     listener.bind(path + ".making")
@@ -122,7 +121,7 @@ def main(name: str, path: str, time_limit: str, *arguments: str) -> None:
     os.replace(path + ".making", path)  # it is there once it can be called
     while True:
         accepted, _ = listener.accept()
-        connection = Connection.over(accepted)
+        connection = Connection(accepted)
         try:
             while True:
                 header, arrays = connection.receive(float("inf"))

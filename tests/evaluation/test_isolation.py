@@ -3,15 +3,20 @@
 import subprocess
 import sys
 
+import jax
 import numpy as np
 import pytest
 
 from drpbench.evaluation import Request, run
+from drpbench.evaluation.progress import Silent
 from drpbench.evaluation.verification import verify
 from drpbench.plugins.errors import PolicyError
 from drpbench.plugins.isolation import is_ours, isolated
 from drpbench.plugins.registry import choose
 from drpbench.results import load
+from drpbench.robot import PANDA
+
+from ..scenes import observation
 
 CHEAT = '''
 import importlib
@@ -38,17 +43,6 @@ class Cheat:
     def act(self, observation):
         return observation.joint_position
 '''
-
-
-class Silent:
-    def begin(self, task, steps, done):
-        pass
-
-    def advance(self, steps):
-        pass
-
-    def rows(self, rows):
-        pass
 
 
 @pytest.mark.parametrize(
@@ -83,6 +77,34 @@ def test_a_policy_that_replaces_the_score_is_found_out(tmp_path, monkeypatch):
     again = subprocess.run([*command[:-1], "y.json"], check=True, capture_output=True, text=True)
     assert "2 rows in y.json" in again.stdout
     assert [row.success for row in load("y.json").rows] == [True, True]
+
+
+CHATTY = """
+import sys
+
+
+class Chatty:
+    about = "says much"
+
+    def reset(self, observation):
+        pass
+
+    def act(self, observation):
+        print("x" * 100_000, file=sys.stderr)  # more than a pipe holds
+        return observation.joint_position
+"""
+
+
+@pytest.mark.slow
+def test_a_policy_may_print_as_much_as_it_likes(tmp_path, monkeypatch, capfd):
+    (tmp_path / "chatty.py").write_text(CHATTY)
+    monkeypatch.chdir(tmp_path)
+    seen = jax.tree.map(lambda leaf: leaf[None], observation(PANDA.home, PANDA.home))
+    with isolated("chatty:Chatty", time_limit=20.0) as choice:
+        assert choice.policy.about == "says much"
+        choice.policy.reset(seen, 1)
+        np.testing.assert_array_equal(choice.policy.act(seen, 1), seen.joint_position)
+    assert "x" * 100_000 in capfd.readouterr().err
 
 
 @pytest.mark.slow

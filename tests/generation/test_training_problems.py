@@ -97,6 +97,10 @@ def test_the_streams_differ():
 
 
 def test_the_benchmarks_own_stream_is_refused():
+    with pytest.raises(ValueError, match="expected families of .*, got none"):
+        Drawer(families=())
+    with pytest.raises(ValueError, match="expected families of .*, got attic"):
+        Drawer(families=("table", "attic"))
     with pytest.raises(ValueError, match="not for learning"):
         Drawer("benchmark")
 

@@ -12,8 +12,8 @@ from drpbench.problems import ProblemSetError, load_set
 from drpbench.robot import PANDA
 from drpbench.rollout import instance_key
 
-# Numbers 1 and 10 have a box on their goal, so that 2 and 11 stand for them; 25 is on the bare
-# table.
+# Numbers 2 and 8 have a box on their goal, so that 3 and 9 stand for them; 1 and 10 are on the
+# bare table.
 IDS = [*range(11), 25]
 
 
@@ -48,12 +48,12 @@ def test_the_goal_pose_is_the_goals(training):
 
 
 def test_levels_are_the_tasks_own(training):
-    assert training["FDO"].level.tolist() == [2] * 11 + [1]
+    assert training["FDO"].level.tolist() == [2, 1, *[2] * 8, 1, 2]
     assert training["DGB"].level.tolist() == [1, 1, 1, 2] * 2 + [1] * 4
 
 
 def test_a_box_on_the_goal_is_passed_over(training):
-    assert (training["FDO"].goal[1] == training["FDO"].goal[2]).all()
+    assert (training["FDO"].goal[2] == training["FDO"].goal[3]).all()
     assert training["FDO"].id.tolist() == IDS
 
 

@@ -1,5 +1,7 @@
 """Policies by name, and that each of them is one."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +14,7 @@ from drpbench.plugins.registry import POLICIES, WRAPPERS, UnknownPolicy, make, p
 from drpbench.policies import DcpRmp, Hold, Straight
 from drpbench.policies.weights import WeightsError, shipped
 
-from ..scenes import observation, postures
+from ..scenes import boxes, observation, postures
 
 NAMES = [*POLICIES, *(f"straight+{name}" for name in WRAPPERS)]
 
@@ -75,7 +77,11 @@ def test_every_policy_keeps_the_protocol(name):
 
     q = postures(4)
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (200, 3))
-    seen = [observation(a, b, points=points) for a, b in zip(q[:2], q[2:], strict=True)]
+    models = boxes(((0.5, 0.6, 0.3), (0.05, 0.05, 0.05))) if policy.privileged else None
+    seen = [
+        replace(observation(a, b, points=points), obstacles=models)
+        for a, b in zip(q[:2], q[2:], strict=True)
+    ]
     seen = jax.tree.map(lambda *leaves: jnp.stack(leaves), *seen)
     keys = jax.random.split(jax.random.key(0), 2)
     init = jit(lambda policy, seen: jax.vmap(policy.init)(seen))

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from drpbench.contract import PROTOCOL
 from drpbench.envs import TASKS, World
 from drpbench.evaluation.machine import versions
 from drpbench.evaluation.metrics import rows
@@ -40,6 +41,7 @@ def rolled():
 def header(rolled):
     """The header of a run that made these."""
     fields = {
+        "protocol": PROTOCOL,
         "policy": "straight+dcp-rmp",
         "policy_parameters": parameters(rolled.policy),
         "privileged": False,

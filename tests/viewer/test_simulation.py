@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from drpbench.contract import EPISODE
+from drpbench.contract import EPISODE, PROTOCOL
 from drpbench.envs import TASKS, World
 from drpbench.geometry import quaternion_to_matrix
 from drpbench.plugins.host import Hosted
@@ -32,7 +32,8 @@ def finished(simulation, id):
 def judged(policy, task, ids):
     """Their shipped rows."""
     results = load_dir(shipped_results()).values()
-    rows = [row for of in results if of.header.policy == policy for row in of.rows]
+    ours = [of for of in results if (of.header.policy, of.header.protocol) == (policy, PROTOCOL)]
+    rows = [row for of in ours for row in of.rows]
     return [row for id in ids for row in rows if (row.task, row.id) == (task, id)]
 
 
