@@ -40,6 +40,10 @@ def rack(rng: _Rng) -> Furniture:
     columns, rows = int(rng.integers(1, 4)), int(rng.integers(1, 4))
     depth, t = rng.uniform(0.15, 0.5), _board(rng)
     widths, heights = rng.uniform(0.14, 0.5, columns), rng.uniform(0.12, 0.5, rows)
+    if rng.uniform() < 0.4:  # pigeonholes of little more than the hand, lying or upright
+        hand = (rng.uniform(0.22, 0.32, columns), rng.uniform(0.08, 0.15, rows))
+        lying = rng.uniform() < 0.6
+        widths, heights = hand if lying else (hand[1][:1].repeat(columns), hand[0][:1].repeat(rows))
     y = np.concatenate([[0.0], np.cumsum(widths + t)])
     z = rng.uniform(0, 0.3) * (rng.uniform() < 0.5) + np.concatenate(
         [[0.0], np.cumsum(heights + t)]
@@ -61,7 +65,7 @@ def rack(rng: _Rng) -> Furniture:
     tight = [
         scene.region(
             "in the rack",
-            (rng.uniform(-0.02, 0.3) * depth, y[i] + 0.03, z[k] + 0.03),
+            (rng.uniform(-0.02, 0.5) * depth, y[i] + 0.03, z[k] + 0.03),
             (0.9 * depth, y[i + 1] - t - 0.03, z[k + 1] - t - 0.03),
             _INTO,
             wide=(0, 1, 0),
@@ -101,12 +105,11 @@ def cage(rng: _Rng) -> Furniture:
     """Bars along the edges and some sides of a box, open at one side."""
     depth, width, height = rng.uniform(0.25, 0.5), rng.uniform(0.3, 0.6), rng.uniform(0.3, 0.6)
     half, r = width / 2, rng.uniform(0.005, 0.02)
-    front, back = [(0, -half), (0, half)], [(depth, half), (depth, -half)]
-    ring = [*front, *back]
+    ring = [(0, -half), (0, half), (depth, half), (depth, -half)]
     parts = [scene.bar(r, (*p, 0), (*p, height)) for p in ring]
     parts += [
         scene.bar(r, (*a, height), (*b, height))
-        for a, b in zip(ring, ring[1:] + ring[:1])  # noqa: B905
+        for a, b in zip(ring, ring[1:] + ring[:1], strict=True)
     ]
     opens_up = rng.uniform() < 0.4
     thin = rng.uniform(0.6, 1.0) * r
@@ -213,7 +216,7 @@ def board(rng: _Rng) -> Furniture:
 
 def corridor(rng: _Rng) -> Furniture:
     """Two boards with a gap, upright or lying."""
-    depth, gap, t = rng.uniform(0.2, 0.6), rng.uniform(0.13, 0.4), _board(rng)
+    depth, gap, t = rng.uniform(0.2, 0.6), rng.uniform(0.1, 0.35), _board(rng)
     width, height = rng.uniform(0.3, 0.8), rng.uniform(0.25, 0.8)
     if rng.uniform() < 0.5:  # upright
         parts = [
