@@ -17,6 +17,7 @@ import numpy as np
 
 from drpbench.compile import use_cache
 from drpbench.evaluation import Request, run
+from drpbench.evaluation.progress import Silent
 from drpbench.evaluation.referee import (
     MARGIN,
     Agreement,
@@ -32,14 +33,6 @@ from drpbench.results.names import trajectories_file
 from drpbench.results.trajectories import load_trajectories
 
 
-class Quiet:
-    """Nobody watches."""
-
-    def begin(self, task, steps, done): ...
-    def advance(self, steps): ...
-    def rows(self, rows): ...
-
-
 def judged(policy: str, per_task: int, seed: int) -> tuple[list[Judgement], list[Judgement]]:
     """The policy on `per_task` problems of each task, spread evenly: judged by meshes, by
     spheres."""
@@ -51,7 +44,7 @@ def judged(policy: str, per_task: int, seed: int) -> tuple[list[Judgement], list
         out = Path(folder) / "run.json"
         run(
             Request(policy=policy, problems=ids, out=out, seed=seed, save_trajectories=True),
-            Quiet(),
+            Silent(),
         )
         return judged_again(out)
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from drpbench.evaluation import Request, run
+from drpbench.evaluation.progress import Silent
 from drpbench.problems import load_set
 from drpbench.ranking import load_dir
 from drpbench.report.page import write_report
@@ -103,16 +104,6 @@ def report(wanted: int) -> None:
             f"| {wanted:,} | {len(results)} | {read - start:.1f} s | {wrote - read:.1f} s |"
             f" {wrote - start:.1f} s | {page.stat().st_size / 1e6:.2f} MB |"
         )
-
-
-class Silent:
-    """A run's progress, not shown."""
-
-    def begin(self, task: str, steps: int, done: int) -> None: ...
-
-    def advance(self, steps: int) -> None: ...
-
-    def rows(self, rows: list[Row]) -> None: ...
 
 
 def draw(count: int) -> None:

@@ -16,9 +16,10 @@ from drpbench.plugins.registry import choose
 from drpbench.ranking import wilson
 
 
-def line(name: str, k: int, n: int) -> str:
+def rate(k: int, n: int) -> str:
+    """`k/n` and the share with its interval, in per cent."""
     low, high = wilson(k, n)
-    return f"{name} {k}/{n}, {100 * k / n:.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
+    return f"{k}/{n}, {100 * k / n:.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
 
 
 def main() -> None:
@@ -44,8 +45,8 @@ def main() -> None:
                     for kind in ("success", "collided", "reached"):
                         count[kind] += bool(getattr(verdict, kind)[i])
             for family, count in counts.items():
-                cells = [line("", count[k], count["n"]).strip() for k in ("success",)]
-                cells += [str(count[k]) for k in ("collided", "reached")]
+                cells = [rate(count["success"], count["n"])]
+                cells += [str(count[kind]) for kind in ("collided", "reached")]
                 print(f"| {name} | {where} | {family} | " + " | ".join(cells) + " |", flush=True)
 
 

@@ -122,7 +122,7 @@ def replay(
             status.update(f"drawing: {frames} of {of} frames")
 
         def wrote(path: Path) -> None:
-            console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+            console.print(f"wrote {path}", soft_wrap=True)
 
         problem_set = set_of_results({str(result): run}, problems_from)
         replayer = Replayer(run, result, ran, problem_set)
@@ -140,7 +140,7 @@ def replay(
         found = replayer.replay(rows)
         for replay in found:
             if replay.remark:
-                console.print(replay.remark, style="yellow", highlight=False, soft_wrap=True)
+                console.print(replay.remark, style="yellow", soft_wrap=True)
         episodes = [replay.episode for replay in found]
         if grid is not None:
             path = folder / f"{rows[0].task}-grid-{grid}{suffix()}"

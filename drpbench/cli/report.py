@@ -89,7 +89,7 @@ def _pictures(
     console = console_of()
 
     def remark(told: str) -> None:
-        console.print(told, style="yellow", highlight=False, soft_wrap=True)
+        console.print(told, style="yellow", soft_wrap=True)
 
     again, count = thumbnails is not None, THUMBNAILS if thumbnails is None else thumbnails
     with console.status("drawing") as status:

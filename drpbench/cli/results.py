@@ -43,9 +43,9 @@ def submit(
         "By success, among the shipped results": places or [("none", "no task is complete")],
         "Missing for a full entry": [_line(line) for line in found.missing] or [("nothing", "")],
     }
-    console.print(listing(sections), highlight=False)
+    console.print(listing(sections))
     for note in found.notes:
-        console.print(f"Note: {note}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"Note: {note}", soft_wrap=True)
     raise typer.Exit(1 if found.missing else 0)
 
 
@@ -125,7 +125,7 @@ def verify(
     with Bars(console, was.header.policy) as progress:
         found = verification.verify(str(result), was, sample, seed, progress, problem_set)
     for line in _told(found):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
     raise typer.Exit(0 if found.reproduced else 1)
 
 

@@ -224,9 +224,7 @@ def run(
     console.print(render_entry(build({out.name: result}, sizes).entries[0], console))
     failures = Counter(row.status for row in result.rows if row.status != "ok")
     for status, count in failures.most_common():
-        console.print(
-            f"{count} of {len(result.rows)} failed: {status}", highlight=False, markup=False
-        )
+        console.print(f"{count} of {len(result.rows)} failed: {status}")
     console.print(f"{len(result.rows)} rows in {out}", soft_wrap=True)
     if record:
         from drpbench.results.names import recordings_folder

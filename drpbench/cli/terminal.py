@@ -41,7 +41,7 @@ class DataProgress:
         told = f"{self._drawn} {drawn_word}, {self._solved} {solved_word}"
         self._bars.update(self._bar, advance=drawn, told=told)
         if not self._console.is_terminal and self._drawn % 1024 < drawn:
-            self._console.print(told, highlight=False)
+            self._console.print(told)
 
 
 class TrainingProgress:
@@ -71,7 +71,7 @@ class TrainingProgress:
                 f"abroad: {line.abroad_succeeded}/{line.abroad_validated} succeeded"
             )
         if line.validated or not self._console.is_terminal:
-            self._console.print(text, highlight=False)
+            self._console.print(text)
 
 
 def listing(sections: Mapping[str, Sequence[tuple[str, str]]]) -> RenderableType:

@@ -75,8 +75,8 @@ def view(
                 told.update(f"compiling: {done} is ready")
         page = Page(simulation, policy, host, port)
         if page.port != port:
-            console.print(f"port {port} is taken", style="yellow", highlight=False)
-        console.print(f"{page.address}  (Ctrl-C ends it)", highlight=False, soft_wrap=True)
+            console.print(f"port {port} is taken", style="yellow")
+        console.print(f"{page.address}  (Ctrl-C ends it)", soft_wrap=True)
         page.run()
     except KeyboardInterrupt:
         console.print()

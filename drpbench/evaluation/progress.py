@@ -65,7 +65,7 @@ class Bars:
         if steps == 0:
             self._bars.update(self._bar, completed=1, told="done before")
         if done:
-            self._console.print(f"{task}: {done} rows were there already", highlight=False)
+            self._console.print(f"{task}: {done} rows were there already")
 
     def advance(self, steps: int) -> None:
         self._bars.advance(self._bar, steps)
@@ -82,7 +82,7 @@ class Bars:
         )
         self._bars.update(self._bar, told=rates)
         if not self._console.is_terminal:
-            self._console.print(f"{self._policy} {self._task}: {rates}", highlight=False)
+            self._console.print(f"{self._policy} {self._task}: {rates}")
 
 
 def bars(console: Console) -> Progress:

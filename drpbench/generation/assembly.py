@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drpbench.geometry import MAX_OBSTACLES, Obstacles
+from drpbench.geometry import MAX_OBSTACLES
 from drpbench.geometry import host_rotation as rotation
 
 from . import scene
@@ -360,13 +360,4 @@ def draw(rng: np.random.Generator) -> Scene:
     free.append(
         scene.region("at home", home - 0.1, home + 0.1, _DOWN, (0, 1, 0), tilt=0.4, roll=np.pi)
     )
-    return Scene(NAME, _obstacles(parts), tuple(tight) or tuple(free), tuple(free))
-
-
-def _obstacles(parts: list[Primitive]) -> Obstacles:
-    return Obstacles.of(
-        np.array([p.kind for p in parts], np.int32),
-        np.array([p.half_size for p in parts], np.float32),
-        np.array([p.position for p in parts], np.float32),
-        np.array([p.quaternion for p in parts], np.float32),
-    )
+    return Scene(NAME, scene.obstacles_of(parts), tuple(tight) or tuple(free), tuple(free))

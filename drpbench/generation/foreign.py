@@ -11,10 +11,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drpbench.geometry import BOX, CYLINDER, SPHERE, Obstacles
+from drpbench.geometry import BOX, CYLINDER, SPHERE
 from drpbench.geometry import host_rotation as rotation
 
-from .scene import HandRegion, Primitive, Scene
+from .scene import HandRegion, Primitive, Scene, obstacles_of
 
 _Z = np.array([0.0, 0.0, 1.0])
 
@@ -79,13 +79,7 @@ class _Draft:
                     "outside", centre, np.full(3, 0.12), ahead, np.array([0, 0, 1.0]), 1.0, np.pi
                 )
             )
-        obstacles = Obstacles.of(
-            np.array([p.kind for p in parts], np.int32),
-            np.array([p.half_size for p in parts], np.float32),
-            np.array([p.position for p in parts], np.float32),
-            np.array([p.quaternion for p in parts], np.float32),
-        )
-        return Scene(name, obstacles, tuple(self._tight) or tuple(free), tuple(free))
+        return Scene(name, obstacles_of(parts), tuple(self._tight) or tuple(free), tuple(free))
 
 
 _COLUMN = (0.09, 0.09, -0.02)  # the arm stands on a column: there is no ground

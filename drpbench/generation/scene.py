@@ -7,6 +7,7 @@ of the front, x into the furniture (away from the arm), y to its left, z up.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -36,6 +37,16 @@ class Primitive:
     half_size: np.ndarray
     position: np.ndarray
     quaternion: np.ndarray = field(default_factory=lambda: UPRIGHT)
+
+
+def obstacles_of(parts: Sequence[Primitive]) -> Obstacles:
+    """The primitives, rounded to the precision that is stored."""
+    return Obstacles.of(
+        np.array([p.kind for p in parts], np.int32),
+        np.array([p.half_size for p in parts], np.float32),
+        np.array([p.position for p in parts], np.float32),
+        np.array([p.quaternion for p in parts], np.float32),
+    )
 
 
 def box(size: ArrayLike, position: ArrayLike, quaternion: np.ndarray = UPRIGHT) -> Primitive:
@@ -204,12 +215,7 @@ def compose(family: str, furniture: tuple[Furniture, ...], free: tuple[HandRegio
         raise ValueError(f"{family}: {len(parts)} obstacles, at most {MAX_OBSTACLES} are allowed")
     return Scene(
         family,
-        Obstacles.of(
-            np.array([p.kind for p in parts], np.int32),
-            np.array([p.half_size for p in parts], np.float32),
-            np.array([p.position for p in parts], np.float32),
-            np.array([p.quaternion for p in parts], np.float32),
-        ),
+        obstacles_of(parts),
         tuple(r for piece in furniture for r in piece.tight),
         free,
     )

@@ -23,7 +23,7 @@ import numpy as np
 from drpbench.errors import InputError
 from drpbench.geometry import stacked
 from drpbench.planning.checker import mesh_checker, sphere_checker
-from drpbench.problems.lines import FORMAT, to_json
+from drpbench.problems.lines import header_line, to_json
 from drpbench.problems.task_problems import TaskProblems
 from drpbench.robot import PANDA
 
@@ -73,16 +73,7 @@ def draw(
     if out.exists():
         raise InputError(f"{out}: exists; nothing overwritten. Name another file with --out")
     partial = out.with_name(out.name + ".partial")
-    header = json.dumps(
-        {
-            "format": FORMAT,
-            "name": name_of(secret),
-            "arm": "panda",
-            "finger_opening": 0.04,
-            "ground": True,
-            "tasks": list(wanted),
-        }
-    )
+    header = header_line(name_of(secret), list(wanted))
     jobs = [(task, index) for task, count in wanted.items() for index in range(count)]
     done = _resumed(partial, header, jobs)
     for _ in range(done):

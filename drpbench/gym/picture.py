@@ -1,6 +1,6 @@
 """Pictures of an environment's lanes, as `render_mode="rgb_array"` has them.
 
-A picture of 640 x 480 pixels takes some 20 ms on a processor, as much as ten control steps of one
+A picture of 640 x 480 pixels takes some 40 ms on a processor, as much as many control steps of one
 lane: it is drawn when it is asked for.
 """
 

@@ -46,19 +46,24 @@ def export_lines(problem_set: ProblemSet, tasks: Sequence[str] | None = None) ->
     """
     tasks = problem_set.tasks if tasks is None else tuple(tasks)
     own = set(tasks) == set(problem_set.tasks)
-    header = {
-        "format": FORMAT,
-        "name": problem_set.name if own else "-".join([problem_set.name, *tasks]),
-        "arm": problem_set.arm,
-        "finger_opening": problem_set.finger_opening,
-        "ground": problem_set.ground,
-        "tasks": list(tasks),
-    }
-    yield json.dumps(header)
+    name = problem_set.name if own else "-".join([problem_set.name, *tasks])
+    yield header_line(name, tasks, problem_set.arm, problem_set.finger_opening, problem_set.ground)
     for task in tasks:
         problems = problem_set.task(task)
         for id in range(problems.count):
             yield json.dumps(to_json(problems, id))
+
+
+def header_line(
+    name: str,
+    tasks: Sequence[str],
+    arm: str = "panda",
+    finger_opening: float = 0.04,
+    ground: bool = True,
+) -> str:
+    """The first line of a set's file; `finger_opening` [m]."""
+    values = (FORMAT, name, arm, finger_opening, ground, list(tasks))
+    return json.dumps(dict(zip(_HEADER, values, strict=True)))
 
 
 def to_json(problems: TaskProblems, id: int) -> dict[str, Any]:

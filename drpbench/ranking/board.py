@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -177,7 +177,9 @@ def of_protocol(
 
 
 def _whole(results: Mapping[str, Result], expected: Mapping[str, int], protocol: int) -> bool:
-    return any(entry.rank is not None for entry in build(results, expected, protocol).entries)
+    """Whether there is a whole run of this version."""
+    rows = _by_policy(labelled(of_protocol(results, expected, protocol)))
+    return any(not _partial(found, expected) for found in rows.values())
 
 
 def labelled(results: Mapping[str, Result]) -> dict[str, Result]:
@@ -188,7 +190,7 @@ def labelled(results: Mapping[str, Result]) -> dict[str, Result]:
     """
     groups: dict[str, list[str]] = {}
     for name, result in results.items():
-        groups.setdefault(result.header.name or result.header.policy, []).append(name)
+        groups.setdefault(result.header.called, []).append(name)
     found = {}
     for label, names in groups.items():
         headers = [results[name].header for name in names]
@@ -224,7 +226,7 @@ def beside(own: Mapping[str, Result], shipped: Mapping[str, Result]) -> dict[str
     """
     worlds = {_world(result.header) for result in own.values()}
     ids = {row.key for result in own.values() for row in result.rows}
-    called = {result.header.name or result.header.policy for result in own.values()}
+    called = {result.header.called for result in own.values()}
     found = {}
     for name, result in shipped.items():
         header = result.header
@@ -243,6 +245,18 @@ def beside(own: Mapping[str, Result], shipped: Mapping[str, Result]) -> dict[str
 
 def _world(header: Header) -> tuple[str, int, int]:
     return header.problem_set_sha256, header.protocol, header.seed
+
+
+def require_same(results: Mapping[str, Result], fields: Sequence[str]) -> None:
+    """Raises LeaderboardError where the headers of two results differ in one of the fields."""
+    (first, a), (second, b) = results.items()
+    for field in fields:
+        one, two = getattr(a.header, field), getattr(b.header, field)
+        if one != two:
+            raise LeaderboardError(
+                f"{first} and {second}: expected runs of one {field}, got {str(one)[:40]} and "
+                f"{str(two)[:40]}"
+            )
 
 
 def file_of(folder: Path, name: str) -> Path:
@@ -272,19 +286,15 @@ def build(
     """
     everything, results = results, labelled(of_protocol(results, expected, protocol))
     _require_one_problem_set(results)
-    rows: dict[str, list[Row]] = {}
     headers: dict[str, Header] = {}
     for name, result in results.items():
         _require_known_problems(name, result, expected)
         headers.setdefault(result.header.policy, result.header)
-        rows.setdefault(result.header.policy, []).extend(result.rows)
+    rows = _by_policy(results)
 
     overall = {policy: _cell(rows[policy], sum(expected.values())) for policy in rows}
     cells = {policy: _cells(rows[policy], expected) for policy in rows}
-    partial = {
-        policy: overall[policy].partial or any(cell.partial for cell in cells[policy].values())
-        for policy in rows
-    }
+    partial = {policy: _partial(rows[policy], expected) for policy in rows}
     ranked = sorted(rows, key=lambda one: (partial[one], -overall[one].success.share, one))
     tests: dict[str, Paired] = {}
     for policy, below in pairwise(ranked):
@@ -320,6 +330,19 @@ def build(
             for place, policy in enumerate(ranked, start=1)
         ),
     )
+
+
+def _by_policy(results: Mapping[str, Result]) -> dict[str, list[Row]]:
+    rows: dict[str, list[Row]] = {}
+    for result in results.values():
+        rows.setdefault(result.header.policy, []).extend(result.rows)
+    return rows
+
+
+def _partial(rows: list[Row], expected: Mapping[str, int]) -> bool:
+    """Whether a policy has no rank."""
+    whole = _cell(rows, sum(expected.values()))
+    return whole.partial or any(cell.partial for cell in _cells(rows, expected).values())
 
 
 def _cells(rows: list[Row], expected: Mapping[str, int]) -> dict[str, Cell]:

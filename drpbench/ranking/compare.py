@@ -8,7 +8,8 @@ from pathlib import Path
 from drpbench.results import Result, Row
 from drpbench.results.names import recordings_folder
 
-from .board import LeaderboardError
+from .board import LeaderboardError, require_same
+from .measures import paired_figures
 from .statistics import paired
 
 
@@ -19,28 +20,22 @@ def compared(results: Mapping[str, Result], most: int) -> list[str]:
     Raises LeaderboardError where they are of two protocols or problem sets, or share no instance.
     """
     (first, a), (second, b) = results.items()
-    for field in ("protocol", "problem_set_sha256", "seed"):
-        one, two = getattr(a.header, field), getattr(b.header, field)
-        if one != two:
-            raise LeaderboardError(
-                f"{first} and {second}: expected runs of one {field}, got {str(one)[:12]} and "
-                f"{str(two)[:12]}"
-            )
+    require_same(results, ("protocol", "problem_set_sha256", "seed"))
     rows = [{row.key: row for row in result.rows if row.valid} for result in (a, b)]
     shared = [key for key in rows[0] if key in rows[1]]
     if not shared:
         raise LeaderboardError(f"{first} and {second}: expected a problem in common, got none")
-    lines = [f"A: {first} ({_called(a)})", f"B: {second} ({_called(b)})"]
+    lines = [f"A: {first} ({a.header.called})", f"B: {second} ({b.header.called})"]
     tasks = list(dict.fromkeys(task for task, _ in shared))
     for task in tasks:
         keys = [key for key in shared if key[0] == task]
         test = paired((rows[0][key] for key in keys), (rows[1][key] for key in keys))
         both = sum(rows[0][key].success and rows[1][key].success for key in keys)
-        told, low, high = (f"{100 * value:+.1f}" for value in test.difference)
+        *_, difference, p = paired_figures(test)
         lines.append(
             f"{task}: both {both}, A alone {test.only_first}, B alone {test.only_second}, neither "
             f"{test.shared - both - test.only_first - test.only_second}, of {test.shared}; A minus "
-            f"B {told} points [{low}, {high}], p {test.p:.4f}"
+            f"B {difference} points, p {p}"
         )
     turned = [key for key in shared if rows[0][key].success != rows[1][key].success]
     for key in turned[:most]:
@@ -50,10 +45,6 @@ def compared(results: Mapping[str, Result], most: int) -> list[str]:
     if len(turned) > most:
         lines.append(f"  and {len(turned) - most} more")
     return lines
-
-
-def _called(result: Result) -> str:
-    return result.header.name or result.header.policy
 
 
 def _outcome(row: Row) -> str:

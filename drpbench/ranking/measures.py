@@ -95,11 +95,12 @@ def paired_lines(board: Leaderboard) -> Iterable[list[str]]:
         pairs = list(pairwise(board.entries))
     for one, other in pairs:
         test = one.against(other)
-        counts = _paired_figures(test) if test.shared else [ABSENT] * 5
+        counts = paired_figures(test) if test.shared else [ABSENT] * 5
         yield [one.policy, other.policy, *counts]
 
 
-def _paired_figures(test: Paired) -> list[str]:
+def paired_figures(test: Paired) -> list[str]:
+    """Counts, difference in points with its interval, p."""
     p = "< 0.0001" if test.p < 1e-4 else f"{test.p:.4f}"
     told, low, high = (f"{100 * value:+.1f}" for value in test.difference)
     difference = f"{told} [{low}, {high}]"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from drpbench.results import Result
 
-from .board import LeaderboardError
+from .board import LeaderboardError, require_same
 from .measures import percent
 from .statistics import newcombe
 
@@ -17,12 +17,7 @@ def differences(results: Mapping[str, Result]) -> list[str]:
     Raises LeaderboardError where they are of two protocols or policies, or share no task.
     """
     (first, a), (second, b) = results.items()
-    for field in ("protocol", "policy"):
-        one, two = getattr(a.header, field), getattr(b.header, field)
-        if one != two:
-            raise LeaderboardError(
-                f"{first} and {second}: expected runs of one {field}, got {one} and {two}"
-            )
+    require_same(results, ("protocol", "policy"))
     counts = [
         {
             task: [row.success for row in result.rows if row.task == task and row.valid]

@@ -21,8 +21,8 @@ from drpbench.problems import ProblemSet, ProblemSetError, load_set, matching
 from drpbench.results import Header, Result, ResultsError, Row
 from drpbench.robot import Robot
 
-from .board import Cell, Entry, Leaderboard, build, difference
-from .measures import ALL
+from .board import Entry, Leaderboard, build, difference
+from .measures import ALL, cell_of
 
 # Rows hold six digits, so what is this much (relatively) off a threshold may be on either side.
 _ROUNDED = 1e-5
@@ -199,13 +199,9 @@ def assess(
     )
 
 
-def _cell(entry: Entry, column: str) -> Cell | None:
-    return entry.overall if column == ALL else entry.cells.get(column)
-
-
 def _share(entry: Entry, column: str) -> float | None:
     """The success rate of a whole run; None for a partial one, or without a valid row."""
-    cell = _cell(entry, column)
+    cell = cell_of(entry, column)
     return None if cell is None or cell.partial or not cell.success.n else cell.success.share
 
 

@@ -163,10 +163,8 @@ def _entry(entry: Entry, columns: Sequence[str], measure: str) -> str:
 
 
 def _rate(cell: Cell | None, column: str, measure: str) -> str:
-    if cell is None:
-        return f'<td data-task="{column}" data-value="-1">{ABSENT}</td>'
-    rate = getattr(cell, measure)
-    if not rate.n:
+    rate = None if cell is None else getattr(cell, measure)
+    if cell is None or rate is None or not rate.n:
         return f'<td data-task="{column}" data-value="-1">{ABSENT}</td>'
     low, high = rate.interval
     return (

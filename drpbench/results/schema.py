@@ -114,6 +114,11 @@ class Header(_Record):
             raise ValueError(f"versions lacks {', '.join(missing)}")
         return self
 
+    @property
+    def called(self) -> str:
+        """What the run is shown as: its own name, or its policy's."""
+        return self.name or self.policy
+
     def admits(self, task: str, instance: int) -> bool:
         """Whether the run was asked for this instance."""
         if task not in self.problems:

@@ -6,23 +6,13 @@ import pytest
 
 from drpbench.cli import app as cli
 from drpbench.evaluation import rerun
+from drpbench.evaluation.progress import Silent
 from drpbench.evaluation.run import KEPT
 from drpbench.evaluation.verification import sample, verify
 from drpbench.plugins.errors import PolicyError
 from drpbench.ranking import load_dir
 from drpbench.results import Header, Result, ResultsError, Row, save
 from drpbench.results.shipped import shipped_results
-
-
-class Silent:
-    def begin(self, task, steps, done):
-        pass
-
-    def advance(self, steps):
-        pass
-
-    def rows(self, rows):
-        pass
 
 
 @pytest.fixture(scope="module")

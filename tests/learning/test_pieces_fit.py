@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from drpbench.evaluation import Request, run
+from drpbench.evaluation.progress import Silent
 from drpbench.generation.training_problems import Drawer
 from drpbench.geometry import stacked
 from drpbench.learning import train as training
@@ -55,16 +56,6 @@ def solved():
     )
 
 
-class Quiet:
-    """No progress is told."""
-
-    def begin(self, task, steps, done): ...
-
-    def advance(self, steps): ...
-
-    def rows(self, rows): ...
-
-
 def as_set(drawn):
     """The problems as a set that `drpbench run` takes."""
     batch = problems(drawn)
@@ -102,7 +93,7 @@ def test_what_was_learned_by_heart_is_solved_in_closed_loop(solved, tmp_path, mo
         out=tmp_path / "by-heart.json",
         problem_set=as_set(drawn),
     )
-    rows = run(request, Quiet()).rows
+    rows = run(request, Silent()).rows
     assert len(rows) == COUNT
     assert sum(row.success for row in rows) >= 14, [
         (row.id, row.collided, row.position_error) for row in rows
