@@ -84,7 +84,8 @@ def test_help_imports_nothing_heavy():
         (["run", "--problems-from", "mine.txt"], "mine.txt: line 1", "expected one JSON object"),
         (["run", "--task", "FDO", "--policy", "impact:no.safetensors"], "no.safetensors", ""),
         (["run", "--task", "FDO", "--policy", "rmp:x.safetensors"], "'rmp'", "impact"),
-        (["data", "--out", "d", "--count", "100"], "--count 100", "1024"),
+        (["data", "--out", "d", "--count", "0"], "--count 0", "at least 1"),
+        (["data", "--out", "d", "--first", "-1"], "--first -1", "at least 0"),
         (["data", "--out", "d", "--workers", "0"], "--workers 0", "at least 1"),
         (["data", "--out", "."], ".", ""),
         (["train", "nothing", "--out", "t"], "nothing", "impact"),
@@ -93,7 +94,11 @@ def test_help_imports_nothing_heavy():
         (["train", "impact", "--out", "t", "--data", "nowhere"], "nowhere", "drpbench data"),
         (["train", "impact", "--out", "t", "--capacity", "9"], "capacity", "at least 256"),
         (["train", "impact", "--out", "t", "--size", "huge"], "huge", "small"),
-        (["train", "impact", "--out", "t", "--steps", "150"], "--steps 150", "multiple"),
+        (
+            ["train", "impact", "--out", "t", "--steps", "150", "--report-every", "100"],
+            "--steps 150",
+            "multiple",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(arguments, named, right, tmp_path):

@@ -9,10 +9,10 @@ from drpbench.cli.extras import require
 from drpbench.errors import InputError
 
 
-def _check_multiple(name: str, number: int, of: int, least: int = 0) -> None:
-    if number < least or number % of:
-        near = max(of, round(number / of) * of)
-        raise InputError(f"--{name} {number}: must be a multiple of {of}, such as {near}")
+def _require_at_least(least: int, **options: int | None) -> None:
+    for name, number in options.items():
+        if number is not None and number < least:
+            raise InputError(f"--{name.replace('_', '-')} {number}: must be at least {least}")
 
 
 def data(
@@ -32,13 +32,11 @@ def data(
     require("train", "drpbench data")
     from drpbench.generation.training_problems import TRAINING_STREAM
     from drpbench.learning.demonstrations import Shards
-    from drpbench.learning.production import SHARD, fill
+    from drpbench.learning.production import fill
 
-    _check_multiple("count", count, SHARD)
-    _check_multiple("first", first, SHARD)
-    if workers is not None and workers < 1:
-        raise InputError(f"--workers {workers}: must be at least 1")
-    shards = Shards(out, TRAINING_STREAM, SHARD)
+    _require_at_least(1, count=count, workers=workers)
+    _require_at_least(0, first=first)
+    shards = Shards(out, TRAINING_STREAM)
     from drpbench.compile import use_cache
 
     use_cache()
@@ -69,7 +67,7 @@ def correct(
     out: Annotated[Path, typer.Option(help="The folder to write to.")],
     count: Annotated[
         int | None,
-        typer.Option(help="How many demonstrations to correct [default: all whole shards]"),
+        typer.Option(help="How many demonstrations to correct [default: all]"),
     ] = None,
     seed: Annotated[
         int, typer.Option(help="The seed of the point clouds and of the choice of corrections.")
@@ -84,17 +82,16 @@ def correct(
     require("train", "drpbench correct")
     from drpbench.learning.corrections import fill_corrections
     from drpbench.learning.demonstrations import Shards, read
-    from drpbench.learning.production import SHARD
     from drpbench.plugins.networks import policy_of_file, split
     from drpbench.policies.weights import checksum
 
     there = read(demonstrations)
-    count = there.count // SHARD * SHARD if count is None else count
-    _check_multiple("count", count, SHARD, least=1)
+    count = there.count if count is None else count
+    _require_at_least(1, count=count)
     if count > there.count:
         raise InputError(f"--count {count}: {demonstrations} holds {there.count} demonstrations")
     policy = policy_of_file(weights)
-    shards = Shards(out, f"corrections-{checksum(split(weights)[1])[:8]}", SHARD)
+    shards = Shards(out, f"corrections-{checksum(split(weights)[1])[:8]}")
     from drpbench.compile import use_cache
 
     use_cache()
@@ -156,8 +153,12 @@ def train(
     ] = "",
     resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run.")] = False,
     report_every: Annotated[
-        int, typer.Option(help="How many steps lie between lines of the history.")
-    ] = 100,
+        int | None,
+        typer.Option(
+            help="How many steps lie between lines of the history "
+            "[default: 100, or what divides the other numbers of steps]"
+        ),
+    ] = None,
     checkpoint_every: Annotated[
         int, typer.Option(help="How many steps lie between checkpoints.")
     ] = 1000,
@@ -176,34 +177,40 @@ def train(
     workers: Annotated[
         int | None, typer.Option(help="How many processes draw problems, without --data.")
     ] = None,
+    tensorboard: Annotated[
+        bool, typer.Option("--tensorboard", help="Write the history for TensorBoard too.")
+    ] = False,
 ) -> None:
     """Train a network by behaviour cloning.
 
     The run's folder gets checkpoints, a history as CSV and as a plot, and the weights.
     """
     require("train", "drpbench train")
-    for name, number in (
-        ("steps", steps),
-        ("batch", batch),
-        ("report-every", report_every),
-        ("checkpoint-every", checkpoint_every),
-        ("capacity", capacity),
-    ):
-        if number < 1:
-            raise InputError(f"--{name} {number}: must be at least 1")
+    _require_at_least(
+        1,
+        steps=steps,
+        batch=batch,
+        report_every=report_every,
+        checkpoint_every=checkpoint_every,
+        capacity=capacity,
+        workers=workers,
+    )
+    _require_at_least(0, validate_every=validate_every)
+    checkpoint_every = min(checkpoint_every, steps)
     if precision not in (None, "float32", "bfloat16"):
         raise InputError(f"--precision {precision}: expected float32 or bfloat16")
     from drpbench.compile import use_cache
 
     use_cache()
-    from contextlib import AbstractContextManager, nullcontext
+    from contextlib import AbstractContextManager, ExitStack, nullcontext
 
     import jax
 
     from drpbench.learning.cloning import CloningSettings
     from drpbench.learning.feed import Feed, Folder, Stream
+    from drpbench.learning.history import Progress, TensorBoard
     from drpbench.learning.learners import learner
-    from drpbench.learning.train import Run
+    from drpbench.learning.train import Run, reported_every
     from drpbench.learning.train import train as train_run
 
     from .terminal import TrainingProgress, console_of
@@ -221,7 +228,7 @@ def train(
         learner(network, size),
         settings,
         resume,
-        report_every=report_every,
+        report_every=report_every or reported_every(steps, checkpoint_every, validate_every),
         checkpoint_every=checkpoint_every,
         validate_every=validate_every,
         validation_problems=validation_problems,
@@ -232,8 +239,24 @@ def train(
         if demonstrations
         else Stream(capacity, workers=workers)
     )
-    with source as feed, TrainingProgress(console_of(), steps) as progress:
-        train_run(wanted, feed, progress.line)
+    with ExitStack() as stack:
+        # A run that is refused leaves nothing, and what it lacks is told before it begins.
+        board = stack.enter_context(TensorBoard(out / "tensorboard")) if tensorboard else None
+        feed = stack.enter_context(source)
+        progress = stack.enter_context(TrainingProgress(console_of(), steps))
+
+        def told(line: Progress, run: Run) -> None:
+            progress.line(line, run)
+            if board:
+                board.add(line)
+
+        train_run(wanted, feed, told)
+    if not (out / "history.png").exists():
+        typer.echo(
+            f"{out / 'history.csv'} has no picture beside it, for matplotlib is not installed: "
+            "pip install 'drpbench[train]'",
+            err=True,
+        )
     typer.echo(
         f"weights in {out / 'weights.safetensors'}; run them with --policy "
         f"{network}:{out}/weights.safetensors"

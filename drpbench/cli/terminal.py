@@ -25,7 +25,7 @@ class DataProgress:
         self._console, self._drawn, self._solved = console, 0, 0
         self._words = words
         self._bars = bars(console)
-        self._bar = self._bars.add_task("data", total=count, told="compiling")
+        self._bar = self._bars.add_task("data", total=count, told="drawing")
 
     def __enter__(self) -> Self:
         self._bars.start()
@@ -40,7 +40,7 @@ class DataProgress:
         drawn_word, solved_word = self._words
         told = f"{self._drawn} {drawn_word}, {self._solved} {solved_word}"
         self._bars.update(self._bar, advance=drawn, told=told)
-        if not self._console.is_terminal and self._drawn % 1024 < drawn:
+        if not self._console.is_terminal and solved:
             self._console.print(told)
 
 

@@ -224,17 +224,17 @@ def fill_corrections(
     progress: Callable[[int, int], None],
     robot: Robot = PANDA,
 ) -> None:
-    """Makes the shards that are not there yet, from the first `count` demonstrations, a multiple of
-    SHARD.
+    """Makes the shards that are not there yet, from the first `count` demonstrations.
 
     `progress(demonstrations, corrections)` is called after every batch.
     """
-    for first in range(0, count, SHARD):
-        if first in shards.done:
-            continue
+    missing = shards.missing(range(count), SHARD)
+    progress(count - sum(map(len, missing)), shards.solved(range(count)))
+    for numbers in missing:
         parts = []
-        for begin in range(first, first + SHARD, batch_size()):
-            some = jax.tree.map(lambda leaf, b=begin: leaf[b : b + batch_size()], demonstrations)
+        for first in numbers[:: batch_size()]:
+            upto = min(first + batch_size(), numbers.stop)
+            some = jax.tree.map(lambda leaf, a=first, b=upto: leaf[a:b], demonstrations)
             parts.append(correct(policy, some, seed, robot))
             progress(some.count, parts[-1].count)
-        shards.add(first, join(parts))
+        shards.add(numbers, join(parts))

@@ -81,12 +81,11 @@ class Shards:
     not there, and another run may add further ranges. Raises DataError.
     """
 
-    def __init__(self, folder: Path, stream: str, size: int):
-        """`size` is the number of problem numbers in a range."""
-        self.folder, self._stream, self._size = folder, stream, size
+    def __init__(self, folder: Path, stream: str):
+        self.folder, self._stream = folder, stream
         if (folder / MANIFEST).exists():
             manifest = read_manifest(folder)
-            wanted = {"format": FORMAT, "stream": stream, "shard_size": size}
+            wanted = {"format": FORMAT, "stream": stream}
             for name, value in wanted.items():
                 if manifest[name] != value:
                     raise DataError(
@@ -101,17 +100,33 @@ class Shards:
         else:
             if folder.exists() and any(folder.iterdir()):
                 raise DataError(f"{folder} is not empty and has no {MANIFEST}: name another folder")
-            self._manifest = {
-                "format": FORMAT,
-                "stream": stream,
-                "shard_size": size,
-                "shards": {},
-            }
+            self._manifest = {"format": FORMAT, "stream": stream, "shards": {}}
 
     @property
-    def done(self) -> set[int]:
-        """First numbers of the ranges that are there."""
-        return {int(first) for first in self._manifest["shards"]}
+    def done(self) -> list[range]:
+        """The ranges that are there, in order."""
+        rows = self._manifest["shards"].items()
+        return sorted(
+            (range(int(first), int(first) + row["drawn"]) for first, row in rows),
+            key=lambda one: one.start,
+        )
+
+    def solved(self, numbers: range) -> int:
+        """How many were solved of the ranges that begin in `numbers`."""
+        rows = self._manifest["shards"].items()
+        return sum(row["solved"] for first, row in rows if int(first) in numbers)
+
+    def missing(self, numbers: range, most: int) -> list[range]:
+        """What of `numbers` is not there, in ranges that end at multiples of `most`."""
+        found = []
+        first = numbers.start
+        for there in [*self.done, range(numbers.stop, numbers.stop)]:
+            while first < min(there.start, numbers.stop):
+                last = min((first // most + 1) * most, there.start, numbers.stop)
+                found.append(range(first, last))
+                first = last
+            first = max(first, there.stop)
+        return found
 
     @property
     def counts(self) -> dict[str, int]:
@@ -119,19 +134,19 @@ class Shards:
         rows = self._manifest["shards"].values()
         return {name: sum(row[name] for row in rows) for name in ("drawn", "solved", "obstructed")}
 
-    def add(self, first: int, solved: Demonstrations) -> None:
-        """Writes the range that begins at problem `first`; `solved` are those of it that were."""
+    def add(self, numbers: range, solved: Demonstrations) -> None:
+        """Writes a range of problem numbers; `solved` are those of it that were."""
         self.folder.mkdir(parents=True, exist_ok=True)
         buffer = io.BytesIO()
         arrays: dict[str, Any] = solved.arrays()
         np.savez_compressed(buffer, **arrays)
         content = buffer.getvalue()
-        name = f"{self._stream}-{first:09d}.npz"
+        name = f"{self._stream}-{numbers.start:09d}.npz"
         _replace(self.folder / name, content)
-        self._manifest["shards"][str(first)] = {
+        self._manifest["shards"][str(numbers.start)] = {
             "file": name,
             "sha256": hashlib.sha256(content).hexdigest(),
-            "drawn": self._size,
+            "drawn": len(numbers),
             "solved": solved.count,
             "obstructed": int(np.sum(~np.asarray(solved.reached))),
         }
@@ -157,7 +172,7 @@ def read_manifest(folder: Path) -> dict:
         manifest = json.loads(path.read_text())
         if not isinstance(manifest["shards"], dict):
             raise KeyError
-        manifest["format"], manifest["stream"], manifest["shard_size"]
+        manifest["format"], manifest["stream"]
     except (ValueError, KeyError, TypeError):
         raise DataError(f"{path} is damaged: it is not the manifest of demonstrations") from None
     return manifest

@@ -139,7 +139,7 @@ class Stream:
     def _solve(self, production: Production) -> None:
         kept: list[Demonstrations] = []
         for first in itertools.count(self._first, SHARD):
-            for _, solved in production.solved(range(first, first + SHARD)):
+            for solved in production.solved(range(first, first + SHARD)):
                 kept = [join([*kept, solved])]
                 while kept[0].count >= _BLOCK:
                     block = jax.tree.map(lambda leaf: leaf[:_BLOCK], kept[0])

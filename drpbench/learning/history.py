@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from drpbench.errors import DrpbenchError
 from drpbench.ranking import wilson
 
 
@@ -70,6 +71,41 @@ class History:
             if new:
                 writer.writeheader()
             writer.writerow(asdict(line))
+
+
+class TensorBoard:
+    """The history as an event file for TensorBoard, in a folder of its own. A context manager."""
+
+    def __init__(self, folder: Path):
+        """Raises DrpbenchError where tensorboardX is not installed."""
+        try:
+            from tensorboardX import SummaryWriter
+        except ImportError:
+            raise DrpbenchError(
+                "--tensorboard needs tensorboardX, which is not installed: "
+                "pip install 'drpbench[train]'"
+            ) from None
+        self._folder, self._open = folder, SummaryWriter
+        self._writer: Any = None
+
+    def __enter__(self) -> TensorBoard:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._writer is not None:
+            self._writer.close()
+
+    def add(self, line: Progress) -> None:
+        """Writes one line: rates of a validation only where there was one."""
+        if self._writer is None:  # with the first line, so that a refused run leaves nothing
+            self._writer = self._open(str(self._folder))
+        values = {"loss": line.loss, "learning rate": line.learning_rate}
+        values["samples per second"] = line.samples_per_second
+        for place, count in (("", line.validated), ("abroad_", line.abroad_validated)):
+            for name in ("reached", "collided", "succeeded") if count else ():
+                values[f"validation/{place}{name}"] = getattr(line, place + name) / count
+        for name, value in values.items():
+            self._writer.add_scalar(name, value, line.step)
 
 
 def plot(history: list[Progress], path: Path) -> None:

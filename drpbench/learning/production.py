@@ -21,7 +21,7 @@ from drpbench.robot import PANDA, Robot
 
 from .demonstrations import Demonstrations, Shards, join
 
-SHARD = 1024  # problem numbers in a shard
+SHARD = 256  # problem numbers in a shard, at most
 
 
 @dataclass(frozen=True)
@@ -81,17 +81,23 @@ class Production:
     def __exit__(self, *error: object) -> None:
         self._pool.shutdown(wait=True, cancel_futures=True)
 
-    def solved(self, numbers: range) -> Iterator[tuple[int, Demonstrations]]:
-        """For each batch of `numbers`: how many problems were drawn, and those that were solved."""
+    def solved(
+        self, numbers: range, drawn_one: Callable[[], None] = lambda: None
+    ) -> Iterator[Demonstrations]:
+        """For each batch of `numbers` the problems that were solved. `drawn_one` is called after
+        each problem that was drawn."""
         # A few batches ahead of the expert, no more.
         batch = batch_size()
         ahead = [self._pool.submit(self._problem, number) for number in numbers[: 4 * batch]]
         rest = iter(numbers[4 * batch :])
         while ahead:
-            drawn = [future.result() for future in ahead[:batch]]
+            drawn = []
+            for future in ahead[:batch]:
+                drawn.append(future.result())
+                drawn_one()
             more = [self._pool.submit(self._problem, number) for number in islice(rest, batch)]
             ahead = ahead[batch:] + more
-            yield len(drawn), solve(drawn, self._problem.robot)
+            yield solve(drawn, self._problem.robot)
 
 
 def solve(drawn: Sequence[Drawn], robot: Robot = PANDA) -> Demonstrations:
@@ -123,16 +129,16 @@ def fill(
 ) -> None:
     """Makes the shards of problem `numbers` that are not there yet.
 
-    `progress(drawn, solved)` is called after every batch. `numbers` begins and ends at a shard's
-    end.
+    `progress(drawn, solved)` is called after every problem drawn, and after every batch solved.
     """
-    missing = [first for first in numbers[::SHARD] if first not in shards.done]
+    missing = shards.missing(numbers, SHARD)
+    progress(len(numbers) - sum(map(len, missing)), shards.solved(numbers))
     if not missing:
         return
     with Production(workers=workers) as production:
-        for first in missing:
+        for some in missing:
             parts = []
-            for drawn, solved in production.solved(range(first, first + SHARD)):
+            for solved in production.solved(some, lambda: progress(1, 0)):
                 parts.append(solved)
-                progress(drawn, solved.count)
-            shards.add(first, join(parts))
+                progress(0, solved.count)
+            shards.add(some, join(parts))

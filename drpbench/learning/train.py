@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -80,6 +81,12 @@ class Run:
         if self.begun_from:
             decided["begun_from"] = checksum(self.begun_from)
         return json.loads(json.dumps(decided))
+
+
+def reported_every(*periods: int) -> int:
+    """The largest number of steps up to 100 that divides all periods; 0 counts for none."""
+    common = math.gcd(*periods)
+    return max(n for n in range(1, min(common, 100) + 1) if common % n == 0)
 
 
 def train(run: Run, feed: Feed, report: Callable[[Progress, Run], None]) -> Progress:

@@ -140,10 +140,10 @@ def test_shards_go_on_where_they_stopped(demonstrations, tmp_path, monkeypatch):
     monkeypatch.setattr(corrections, "correct", answer)
     monkeypatch.setattr(corrections, "SHARD", 4)
     monkeypatch.setattr(corrections, "batch_size", lambda: 2)
-    shards = Shards(tmp_path / "c", "corrections-x", 4)
+    shards = Shards(tmp_path / "c", "corrections-x")
     fill_corrections(shards, Straight(), demonstrations, 4, 0, lambda *_: None)
     first = list(asked)
-    fill_corrections(shards, Straight(), demonstrations, 8, 0, lambda *_: None)
-    index = demonstrations.index[:8].tolist()
+    fill_corrections(shards, Straight(), demonstrations, 7, 0, lambda *_: None)
+    index = demonstrations.index[:7].tolist()
     assert sum(first, []) == index[:4] and sum(asked, []) == index
     assert read(tmp_path / "c").index.tolist() == index

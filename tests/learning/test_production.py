@@ -3,7 +3,6 @@ shard."""
 
 import jax
 import numpy as np
-import pytest
 
 from drpbench.learning import production
 from drpbench.learning.demonstrations import Shards, read
@@ -24,8 +23,8 @@ def test_processes_draw_what_this_one_draws_in_order(drawn, monkeypatch):
     monkeypatch.setattr(production, "solve", lambda drawn, robot: list(drawn))
     with Production("tests", workers=1) as source:
         batches = list(source.solved(range(1, 12)))
-    assert [count for count, _ in batches] == [2, 2, 2, 2, 2, 1]
-    for number, one in enumerate((one for _, batch in batches for one in batch), start=1):
+    assert [len(batch) for batch in batches] == [2, 2, 2, 2, 2, 1]
+    for number, one in enumerate((one for batch in batches for one in batch), start=1):
         assert one.index == number and np.array_equal(one.goal, drawn[number].goal)
 
 
@@ -63,16 +62,21 @@ def test_only_missing_shards_are_made(demonstrations, tmp_path, monkeypatch):
 
         def __exit__(self, *error): ...
 
-        def solved(self, numbers):
+        def solved(self, numbers, drawn_one):
             asked.append((numbers.start, numbers.stop))
-            yield 600, one
-            yield len(numbers) - 600, one
+            for _ in numbers:
+                drawn_one()
+            yield one
+            yield one
 
     monkeypatch.setattr(production, "Production", Source)
-    shards, calls = Shards(tmp_path / "data", "training", SHARD), []
-    shards.add(SHARD, one)
-    fill(shards, range(0, 3 * SHARD), 3, lambda drawn, solved: calls.append((drawn, solved)))
-    assert asked == [(0, SHARD), (2 * SHARD, 3 * SHARD)]
-    assert calls == [(600, 1), (SHARD - 600, 1)] * 2
-    assert shards.done == {0, SHARD, 2 * SHARD} and read(tmp_path / "data").count == 5
-    fill(shards, range(0, 3 * SHARD), 3, lambda *_: pytest.fail("all shards are there"))
+    shards, calls = Shards(tmp_path / "data", "training"), []
+    shards.add(range(SHARD, 2 * SHARD), one)
+    count = 3 * SHARD + 7
+    fill(shards, range(count), 3, lambda drawn, solved: calls.append((drawn, solved)))
+    assert asked == [(0, SHARD), (2 * SHARD, 3 * SHARD), (3 * SHARD, count)]
+    assert calls[0] == (SHARD, 1) and np.sum(calls, axis=0).tolist() == [count, 7]
+    assert len(shards.done) == 4 and read(tmp_path / "data").count == 7
+    calls.clear()
+    fill(shards, range(count), 3, lambda drawn, solved: calls.append((drawn, solved)))
+    assert calls == [(count, 7)] and len(asked) == 3
