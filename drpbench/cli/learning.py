@@ -73,8 +73,8 @@ def correct(
         int, typer.Option(help="The seed of the point clouds and of the choice of corrections.")
     ] = 0,
 ) -> None:
-    """Make corrections: a network goes astray in demonstrated problems, and the expert shows the
-    way on.
+    """Make corrections (DAgger): a network acts in demonstrated problems, and the expert plans on
+    from where it drifts away.
 
     Then train with --data twice, for the demonstrations and for these. The same command continues
     where it stopped.

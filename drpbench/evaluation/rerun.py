@@ -41,9 +41,9 @@ def rerun(
         batch_size: another than the header's.
 
     Raises:
-        ResultsError: the policy cannot be had with the parameters that the header states, or the
+        ResultsError: the policy cannot be made with the parameters that the header states, or the
             problems are not those that it was made on.
-        PolicyError, WeightsError: it cannot be had at all, or is lost on the way.
+        PolicyError, WeightsError: it cannot be made at all, or is lost on the way.
     """
     if header.protocol != PROTOCOL:
         raise ResultsError(
@@ -91,7 +91,7 @@ def arguments_of(
     `look` finds it.
 
     Raises ResultsError, naming the result as `name`, where there are none such; PolicyError or
-    WeightsError where the policy cannot be had at all.
+    WeightsError where the policy cannot be made at all.
     """
     if header.policy.startswith("remote:"):
         return []  # its parameters are set where it runs; it may answer one connection only
@@ -107,7 +107,7 @@ def arguments_of(
         choice = look(header.policy, arguments, _time_limit(header))
     except PolicyError as error:
         raise ResultsError(
-            f"{name}: {header.policy} cannot be had as it was run: {error}"
+            f"{name}: {header.policy} cannot be made as it was run: {error}"
         ) from None
     _require_same_policy(name, header, choice.parameters, choice.policy.privileged)
     return arguments

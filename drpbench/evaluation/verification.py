@@ -100,8 +100,8 @@ def verify(
 
     Raises:
         ResultsError: the result is wrong (see `submission.check`), holds no row, or its policy
-            cannot be had with the parameters it states.
-        PolicyError, WeightsError: its policy cannot be had.
+            cannot be made with the parameters it states.
+        PolicyError, WeightsError: its policy cannot be made.
     """
     check(name, result, problem_set)
     if not result.rows:

@@ -1,4 +1,4 @@
-"""Corrections: the expert shows the way on from where a policy went astray (DAgger; Ross, Gordon
+"""Corrections: the expert shows the way on from where a policy drifts away (DAgger; Ross, Gordon
 and Bagnell, 2011).
 
 The policy leads the arm through demonstrated scenes, without dynamics: the arm is at each target
@@ -197,7 +197,7 @@ def _strays(robot: Robot) -> Callable[..., Any]:
 def correct(
     policy: Policy, demonstrations: Demonstrations, seed: int, robot: Robot = PANDA
 ) -> Demonstrations:
-    """The expert's paths from where `policy` goes astray in each of up to `batch_size()`
+    """The expert's paths from where `policy` drifts away in each of up to `batch_size()`
     demonstrations, and again with one box more; those that it solves."""
     count = demonstrations.count
     filled = jax.tree.map(

@@ -1,4 +1,4 @@
-"""What is said of a policy that cannot be had, or that fails."""
+"""What is said of a policy that cannot be made, or that fails."""
 
 import sysconfig
 import traceback

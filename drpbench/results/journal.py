@@ -97,7 +97,7 @@ class Journal:
         Args:
             path: the result file.
             header: what is asked for now; must agree with the stored header in everything that
-                moves a number.
+                affects results.
 
         Raises:
             ResultsError: the stored run is damaged, in use, in its other form, or was made with

@@ -40,7 +40,7 @@ LARGEST = 256_000_000
 """[bytes] What a result file may hold, uncompressed; a run of all problems holds 2 MB."""
 
 VERSIONED = ("drpbench", "python", "jax", "jaxlib", "mujoco", "mujoco-mjx", "numpy")
-"""The software whose version moves a number; a header names each."""
+"""The software whose version affects results; a header names each."""
 
 Scalar = bool | int | float | str
 Name = Annotated[str, Field(min_length=1)]
@@ -56,7 +56,7 @@ class _Record(BaseModel):
 
 
 class Header(_Record):
-    """Everything that moves a number in the rows, and what was asked for."""
+    """Everything that affects the rows, and what was asked for."""
 
     schema_version: Literal[1] = Field(
         default=SCHEMA_VERSION, description="version of this file format"
@@ -89,7 +89,7 @@ class Header(_Record):
         default_factory=dict, description="variables of JAX and XLA that were set"
     )
     batch_size: PositiveInt = Field(description="instances simulated at once")
-    versions: dict[str, str] = Field(description="version of each software that moves a number")
+    versions: dict[str, str] = Field(description="version of each software that affects results")
     platform: str = Field(description="operating system and machine")
     created: str = Field(
         pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|\+00:00)$",

@@ -27,7 +27,7 @@ class Page:
     """Everything that happens, happens in `run`'s thread; browsers only leave their wishes."""
 
     def __init__(self, simulation: Simulation, policy: str, host: str, port: int):
-        """Serves from now on. Raises InputError where the address cannot be had."""
+        """Serves from now on. Raises InputError where the address is not available."""
         self._simulation, self._episode = simulation, simulation.world.episode
         self._wishes: queue.SimpleQueue[tuple[str, tuple[Any, ...]]] = queue.SimpleQueue()
         self._server = _server(host, port)
@@ -197,7 +197,7 @@ def _server(host: str, port: int) -> viser.ViserServer:
     except OSError as error:
         if error.errno != errno.EADDRINUSE:
             raise InputError(
-                f"--host {host} --port {port}: cannot be had ({error.strerror or error}); "
+                f"--host {host} --port {port}: not available ({error.strerror or error}); "
                 f"--host 127.0.0.1 with a port above 1023 usually can"
             ) from None
     rich.get_console().quiet = True  # viser's; the command line has one of its own

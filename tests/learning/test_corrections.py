@@ -1,4 +1,4 @@
-"""Corrections begin where a policy went astray, and lead to the goal without touching."""
+"""Corrections begin where a policy drifted away, and lead to the goal without touching."""
 
 import jax
 import jax.numpy as jnp
