@@ -23,7 +23,7 @@ install_import_hook(
 )
 
 # Each of these fixtures compiles a rollout or draws problems with a planner.
-SLOW_FIXTURES = {"compiled", "drawn", "finished", "rolled"}
+SLOW_FIXTURES = {"compiled", "drawn", "figures", "finished", "rolled", "training"}
 
 
 def pytest_collection_modifyitems(items):

@@ -59,6 +59,7 @@ def quickest(function, *arguments):
     return min(times)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="the trap is the CPU backend's")
 def test_mjx_kinematics_does_not_fall_into_the_trap():
     """MJX's kinematics of the arm costs about 10 of our own; in the trap, over 100,000."""

@@ -31,6 +31,7 @@ def names(requirements):
     return {re.match(r"[\w.-]+", line)[0].lower().replace("_", "-") for line in requirements}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("extra", "missing", "command"),
     [

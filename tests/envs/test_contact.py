@@ -200,6 +200,7 @@ def test_an_arm_driven_into_a_wall_at_full_speed_stops_at_it(drive, joints, step
         assert (sign * centers[b, :, axis]).max() < face
 
 
+@pytest.mark.slow
 def test_a_box_that_appears_inside_the_arm_does_not_shoot_it_away(drive):
     q = postures(16, seed=5)
     centers = bodies(q)[0]

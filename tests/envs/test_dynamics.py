@@ -101,6 +101,7 @@ def test_two_substeps_are_one_control_step(model):
     assert pytest.approx(1.0 / 60.0) == EPISODE.period
 
 
+@pytest.mark.slow
 def test_motion_within_the_torque_limits_is_that_of_c_mujoco(simulate, model):
     rng = np.random.default_rng(0)
     q, targets = walking_targets(rng, 0.2)
@@ -115,6 +116,7 @@ def test_motion_within_the_torque_limits_is_that_of_c_mujoco(simulate, model):
     np.testing.assert_allclose(velocity, expected_velocity, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_motion_at_the_torque_limits_is_by_the_formula(simulate, model):
     rng = np.random.default_rng(1)
     q, targets = walking_targets(rng, 1.0)

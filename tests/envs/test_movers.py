@@ -128,6 +128,7 @@ def test_a_box_that_is_beyond_the_border_may_come_back():
     np.testing.assert_array_equal(moved.velocity, box.velocity)
 
 
+@pytest.mark.slow
 def test_a_box_turns_back_before_what_the_arm_cannot_move_away():
     box, depths = one_box([0.45, 0.02, 0.2], [-0.003, 0.0, 0.0]), []
     step = jit(lambda box: drift(box, lambda position: jnp.full(len(position), -1.0), PANDA))

@@ -15,6 +15,8 @@ from drpbench.plugins.registry import choose
 
 from ..toy_arm import toy_arm
 
+pytestmark = pytest.mark.slow
+
 NAMES = ("straight", "rmp", "straight+dcp-rmp")
 CLOCK = Episode(steps=360)
 OTHER_CLOCK = Episode(steps=100, period=1.0 / 30.0)

@@ -22,6 +22,8 @@ from drpbench.results.shipped import shipped_results
 from drpbench.robot import PANDA
 from drpbench.robot.arms import arm
 
+pytestmark = pytest.mark.slow
+
 
 def write(path, **changes):
     """A set of two problems: the arm is at its goal, once in the open and once inside an

@@ -52,8 +52,9 @@ def test_hints_lead_round_all_that_does_not_stand_on_the_goal(drawn, checker):
             assert min(checker.clearance(q) for q in samples(one.hint.astype(float), 0.02)) > -0.01
 
 
+@pytest.mark.slow
 def test_the_obstructed_share_is_what_is_stated():
-    drawer = Drawer("tests")
+    drawer = Drawer("tests", families=("table", "box"))
     count = 150
     share = np.mean([drawer.draw(number).obstructed for number in range(1000, 1000 + count)])
     assert abs(share - OBSTRUCTED_SHARE) < 3.5 * np.sqrt(OBSTRUCTED_SHARE / count)
@@ -79,6 +80,7 @@ def content(obstacles):
     return b"".join(np.ascontiguousarray(x).tobytes() for x in (there.half_size, there.position))
 
 
+@pytest.mark.slow
 def test_no_test_problem_is_among_those_learned_from():
     for stream in (TRAINING_STREAM, VALIDATION_STREAM):
         drawer = Drawer(stream, families=AT_HOME)

@@ -334,6 +334,7 @@ def test_a_point_that_is_not_a_number_has_no_distance():
 # The gradient under JAX's transformations.
 
 
+@pytest.mark.slow
 def test_gradient_is_the_normal_of_the_nearest_under_every_transformation():
     rng = np.random.default_rng(6)
     worlds, count = 5, 7

@@ -1,6 +1,8 @@
 """Demonstrations straight from the expert: they flow, the newest replace the oldest, faults are
 told."""
 
+import time
+
 import jax
 import numpy as np
 import pytest
@@ -43,6 +45,7 @@ def test_the_newest_replace_the_oldest_round_and_round(demonstrations, monkeypat
         assert resident.count == 600
         assert np.array_equal(np.unique(resident.index), np.arange(256))
         while feed.made < 2048:
+            time.sleep(0.01)  # the thread that makes them needs its turn
             before = np.asarray(resident.index)
             resident = feed.refresh(resident)
             assert resident.count == 600

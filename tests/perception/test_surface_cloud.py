@@ -124,6 +124,7 @@ def test_static_points_below_the_table_are_left_out(sampled):
     assert not mask.any() and not points.any()
 
 
+@pytest.mark.slow
 def test_without_a_ground_nothing_is_left_out():
     sunk = furniture()
     sunk = replace(sunk, position=sunk.position - np.float32([0.0, 0.0, 3.0]))

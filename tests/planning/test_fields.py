@@ -24,6 +24,7 @@ def field():
     return voxels(boxes(BOX), low=(-0.4, -1.0, -0.2), high=(1.0, 1.0, 1.3), spacing=0.02)
 
 
+@pytest.mark.slow
 def test_the_grid_is_a_field_and_near_the_primitives_own(field):
     assert isinstance(field, Field) and isinstance(boxes(BOX), Field)
     assert not isinstance(field.values, Field)
@@ -38,6 +39,7 @@ def test_the_grid_is_a_field_and_near_the_primitives_own(field):
     assert np.mean(np.sum(np.asarray(normal * straight), axis=1) > 0.98) > 0.95
 
 
+@pytest.mark.slow
 def test_the_expert_leads_round_what_a_voxel_grid_holds(field, spheres, obstacles):
     spheres.set_obstacles(obstacles((0, BOX[1], BOX[0])))
     line = LEFT + np.linspace(0, 1, 50)[:, None] * (RIGHT - LEFT)

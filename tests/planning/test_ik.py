@@ -57,6 +57,7 @@ def reachable():
     return mujoco_poses(np.clip(q, PANDA.joint_lower + margin, PANDA.joint_upper - margin))
 
 
+@pytest.mark.slow
 def test_what_converged_puts_the_grip_where_mujoco_agrees_it_should_be(solve, reachable):
     positions, matrices = reachable
     found = jax.tree.map(np.asarray, solve(positions, matrices))
@@ -68,6 +69,7 @@ def test_what_converged_puts_the_grip_where_mujoco_agrees_it_should_be(solve, re
     assert left.magnitude().max() < 1.1 * ik.ORIENTATION_TOLERANCE
 
 
+@pytest.mark.slow
 def test_every_answer_keeps_its_margin_from_the_limits(solve, reachable):
     q = np.asarray(solve(*reachable).q)
     lower, upper = inner_limits(PANDA)

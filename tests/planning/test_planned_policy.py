@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from drpbench.contract import Policy
 from drpbench.envs import TASKS, World
@@ -35,6 +36,7 @@ class Planned:
         return path[jnp.minimum(step // PACE, len(path) - 1)], (path, step + 1)
 
 
+@pytest.mark.slow
 def test_a_policy_may_plan_and_goes_round_what_is_in_the_way(spheres):
     assert isinstance(Planned(), Policy)
     numbered = load_set().task("SE")

@@ -71,6 +71,7 @@ def test_the_gaps_and_the_cost_are_of_its_own_spheres(robot, checker):
     assert np.ptp(gradient, axis=0).min() > 0.2
 
 
+@pytest.mark.slow
 def test_inverse_kinematics_finds_the_poses_of_its_configurations(robot, checker):
     q = configurations(robot, 16, seed=1)
     positions, quaternions = [], []
@@ -91,6 +92,7 @@ def test_inverse_kinematics_finds_the_poses_of_its_configurations(robot, checker
         assert np.linalg.norm(there - positions[pose]) < 1.2 * ik.POSITION_TOLERANCE
 
 
+@pytest.mark.slow
 def test_the_expert_leads_it_past_a_wall_in_time(robot, checker):
     hold(checker, WALL)
     assert not Planner(checker, 0.005).straight(LEFT, RIGHT)

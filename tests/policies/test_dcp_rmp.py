@@ -86,6 +86,7 @@ def near_misses(seed):
     return q, qd, goal, x_p, jacobian, x_p + gap * outward, v_obs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "constants",
     [
@@ -201,6 +202,7 @@ def frames(seed, step=0.002, distance=(0.0, 0.15)):
     return before, now
 
 
+@pytest.mark.slow
 def test_the_goal_gives_way_as_a_brute_force_search_finds(goal_of, body_point):
     policy = DcpRmp(Straight(), Constants(k_p=3.0, l_p=0.2, l_v=0.5, mu_r=20.0, mu_g=2.0))
     changed = 0
@@ -248,6 +250,7 @@ def test_the_goal_is_itself_to_the_bit_where_nothing_dynamic_is_near(goal_of, wh
         np.testing.assert_array_equal(goal_of(policy, before, now), now.goal_joints)
 
 
+@pytest.mark.slow
 def test_the_wrapped_policy_is_asked_with_the_modified_goal(act, goal_of):
     policy = DcpRmp(Straight())
     before, now = frames(1, distance=(0.0, 0.02))

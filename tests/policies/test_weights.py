@@ -137,6 +137,7 @@ def test_saving_what_cannot_be_loaded_is_refused(policy, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_weights_are_for_one_arm(file, tmp_path):
     arm = toy_arm(tmp_path)
     with pytest.raises(WeightsError, match=r"shape .*; its sizes ask for .* for toy \(4 joints\)"):
@@ -268,6 +269,7 @@ def test_every_shipped_file_loads_and_has_its_card():
         assert policy.weights in text and set(FACTS) <= set(weights.card(name))
 
 
+@pytest.mark.slow
 def test_the_policy_keeps_the_protocol(file):
     policy = load(file)
     assert isinstance(policy, Policy) and policy.privileged is False

@@ -52,6 +52,7 @@ def test_what_is_read_is_exported_to_the_same_lines(exported):
     assert again == exported.read_text()
 
 
+@pytest.mark.slow
 def test_the_world_shows_the_same_first_observation(exported):
     world = World(TASKS["FDO"])
 

@@ -45,6 +45,7 @@ def edited(result, wanted, **changes):
     return Result(header=result.header, rows=rows)
 
 
+@pytest.mark.slow
 def test_what_is_shipped_is_correct():
     for name, result in load_dir(shipped_results()).items():
         check(name, result)

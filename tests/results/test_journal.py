@@ -143,6 +143,7 @@ def test_killed_between_result_and_clean_up_is_finished(path, partial, make_head
     assert not partial.exists()
 
 
+@pytest.mark.slow
 def test_a_log_cut_at_any_byte_keeps_every_whole_row(path, partial, make_header, make_row):
     header = make_header()
     with Journal.create(path, header) as journal:

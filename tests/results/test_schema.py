@@ -308,6 +308,7 @@ def test_saving_beneath_a_file_is_refused_in_one_line(tmp_path, make_result):
         save(make_result(), tmp_path / "file" / "run.json")
 
 
+@pytest.mark.slow
 def test_fifty_thousand_rows_load_in_seconds(tmp_path, make_result):
     path = tmp_path / "run.json"
     save(make_result(verdicts={"SE": "+-x+-" * 10_000}), path)

@@ -88,6 +88,7 @@ def test_surface_points_lie_on_the_outer_surface(meshes, surface):
         assert meshes[name].distance(points).max() < 0.001
 
 
+@pytest.mark.slow
 def test_surface_points_are_shared_out_by_area_and_spread(meshes, surface):
     area = {name: meshes[name].outer_area() for name in surface}
     total = sum(area.values())

@@ -54,6 +54,8 @@ def test_it_tells_its_address_and_ends_quietly():
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        # A suite in the background of a shell ignores interrupts, and so would what it starts.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     told = ""
     end = time.monotonic() + COMPILES

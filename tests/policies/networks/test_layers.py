@@ -22,6 +22,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("size", [1.0, 30.0])
 def test_values_and_gradients(case, size):
@@ -36,6 +37,7 @@ def test_values_and_gradients(case, size):
         np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-4 * size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_batching_changes_nothing(case):
     ours, _, shapes = CASES[case]

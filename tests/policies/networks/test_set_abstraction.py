@@ -81,12 +81,14 @@ def test_neighbours_are_those_of_brute_force(kind, count, radius, samples):
         np.testing.assert_array_equal(found[i], expected)
 
 
+@pytest.mark.slow
 def test_the_radius_itself_is_outside():
     points = np.float32([[0, 0, 0], [0.5, 0, 0], [0.25, 0, 0]])
     found = ball_query(jnp.asarray(points), jnp.ones(3, bool), jnp.zeros((1, 3)), 0.5, 3)
     assert found.tolist() == [[0, 2, 0]]
 
 
+@pytest.mark.slow
 def test_every_bit_of_a_word_is_found():
     """Alone, each of 70 points is its own neighbour, whichever bit of whichever word it is."""
     points = jnp.arange(70.0)[:, None] * jnp.ones(3)
@@ -107,6 +109,7 @@ def test_neighbourhoods_are_relative_and_in_radii():
             np.testing.assert_allclose(around[i, k], expected, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_batched_clouds_are_single_clouds():
     points, mask = map(jnp.asarray, clouds("masked", 100))
 
@@ -120,12 +123,14 @@ def test_batched_clouds_are_single_clouds():
     np.testing.assert_array_equal(together[1][:, 0], single[1])
 
 
+@pytest.mark.slow
 def test_a_cloud_without_points_gives_finite_neighbourhoods():
     points, mask = jnp.zeros((64, 3)), jnp.zeros(64, bool)
     centers = gather(points, farthest_points(points, mask, 8))
     assert np.isfinite(neighbourhoods(points, mask, centers, 0.1, 16)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("batch", [1, 6, 7])
 @pytest.mark.parametrize("neighbours", [1, 3000, 10**6])
 def test_pieces_are_the_whole_and_so_is_their_gradient(batch, neighbours):
