@@ -5,17 +5,20 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from drpbench.contract import Observation, Policy
 from drpbench.robot import PANDA
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
+SNIPPETS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 
 
 def test_the_example_is_a_policy():
     names = {}
-    exec(re.search(r"```python\n(.*?)```", README, re.DOTALL).group(1), names)
+    (example,) = (text for text in SNIPPETS if "class Creep" in text)
+    exec(example, names)
     policy = names["Creep"]()
     assert isinstance(policy, Policy)
     home = jnp.asarray(PANDA.home, jnp.float32)
@@ -33,10 +36,20 @@ def test_the_example_is_a_policy():
     np.testing.assert_allclose(target, home + 0.1, rtol=1e-6)
 
 
+@pytest.mark.slow
+def test_the_first_example_runs_as_it_stands(capsys):
+    example = SNIPPETS[0].replace("problems=20", "problems=2")
+    assert example != SNIPPETS[0]
+    exec(example, {})
+    assert "FDO" in capsys.readouterr().out
+
+
 def test_links_and_pictures_are_there():
     pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
     for page in pages:
         for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
+            if target.startswith("https://"):
+                continue
             assert (page.parent / target).exists(), f"{page.name} points to {target}"
 
 
