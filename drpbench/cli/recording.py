@@ -14,6 +14,7 @@ from drpbench.errors import InputError
 from .options import ProblemsFrom, set_of_results
 
 if TYPE_CHECKING:
+    from drpbench.evaluation.progress import Bars
     from drpbench.problems import ProblemSet
     from drpbench.recording import Recorder
 
@@ -44,6 +45,7 @@ def recorder(
     count: int | None,
     wanted: Mapping[str, Sequence[int] | None],
     problem_set: ProblemSet,
+    progress: Bars,
 ) -> Recorder:
     """What a run shows its batches to, to have MCAP files in a folder beside `out`: of the first
     `count` of the instances wanted of each task (None: all of a task that has so many in all)."""
@@ -54,7 +56,8 @@ def recorder(
     sizes = problem_set.counts
     ids = {task: range(sizes[task]) if ids is None else ids for task, ids in wanted.items()}
     only = {task: set(some[:count]) for task, some in ids.items()}
-    return Recorder(recordings_folder(out), only, out, problem_set)
+    progress.files(sum(map(len, only.values())))
+    return Recorder(recordings_folder(out), only, out, problem_set, progress.wrote)
 
 
 def _say_what_it_is(path: Path) -> None:

@@ -200,9 +200,11 @@ def run(
     from .terminal import console_of
 
     default = LANES if jax.default_backend() == "cpu" else 2048
+    console = console_of()
+    progress = Bars(console, policy)
     recorder = None
     if record:
-        recorder = cli_recording.recorder(out, recorded, wanted, problem_set)
+        recorder = cli_recording.recorder(out, recorded, wanted, problem_set, progress)
     request = Request(
         policy=policy,
         policy_arguments=policy_arg or (),
@@ -218,8 +220,7 @@ def run(
         save_trajectories=save_trajectories,
         watch=recorder.watch if recorder else None,
     )
-    console = console_of()
-    with recorder or nullcontext(), Bars(console, policy) as progress:
+    with progress, recorder or nullcontext():
         result = run_request(request, progress)
     console.print(render_entry(build({out.name: result}, sizes).entries[0], console))
     failures = Counter(row.status for row in result.rows if row.status != "ok")

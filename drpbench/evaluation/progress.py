@@ -49,7 +49,7 @@ class Bars:
     def __init__(self, console: Console, policy: str):
         self._console, self._policy = console, policy
         self._bars = bars(console)
-        self._bar = TaskID(0)
+        self._bar = self._files = TaskID(0)
         self._task, self._seen, self._succeeded, self._collided = "", 0, 0, 0
 
     def __enter__(self) -> Self:
@@ -71,6 +71,14 @@ class Bars:
         self._bars.advance(self._bar, steps)
         if self._seen == 0:
             self._bars.update(self._bar, told="running")
+
+    def files(self, count: int) -> None:
+        """Recordings that will be written: a bar of their own, which goes on after the rows."""
+        self._files = self._bars.add_task("files", total=count, told="recordings")
+
+    def wrote(self) -> None:
+        """One of them was written."""
+        self._bars.advance(self._files)
 
     def rows(self, rows: Sequence[Row]) -> None:
         self._seen += len(rows)

@@ -1,7 +1,7 @@
 """MCAP files of a run's episodes, in one folder."""
 
 import datetime
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Self
@@ -35,8 +35,12 @@ class Recorder:
         only: Mapping[str, Collection[int]] | None = None,
         result: Path | None = None,
         problem_set: ProblemSet | None = None,
+        wrote: Callable[[], None] = lambda: None,
     ):
+        """`wrote` is called for each file of a run once it is there, from another thread while the
+        run is watched."""
         self.folder, self.only, self.result = folder, only, result
+        self._wrote, self._written = wrote, set[Path]()
         self._given = problem_set
         self._thread = ThreadPoolExecutor(1)
         self._batch: Future | None = None
@@ -66,6 +70,8 @@ class Recorder:
         }
         path = self._path(episode.name)
         write_mcap(path, episode, about, dcp_rmp_of(header.policy_parameters))
+        self._written.add(path)
+        self._wrote()
         return path
 
     def watch(self, header: Header, task: str, ids: Sequence[int], trace: Trace) -> None:
@@ -105,6 +111,8 @@ class Recorder:
                 for row, file in zip(rows, files, strict=True)
                 if not is_whole(file) or file.stat().st_mtime < begun
             ]
+            for _ in range(len({*files} - self._written) - len(missing)):
+                self._wrote()  # by the run that this one goes on with
             if missing:
                 for replay in Replayer(result, path, problem_set=self._given).replay(missing):
                     self.write(result.header, replay.episode)

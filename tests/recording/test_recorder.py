@@ -84,10 +84,12 @@ def test_what_a_broken_run_left_out_is_replayed_at_the_end(stored, rolled, heade
     old.write_bytes(b"of an older run")
     os.utime(old, (1e9, 1e9))
     half.touch()
-    with Recorder(folder, {"FDO": {3, 17}}, path):
+    wrote = []
+    with Recorder(folder, {"FDO": {3, 17}}, path, wrote=lambda: wrote.append(1)):
         pass
     assert sorted(folder.iterdir()) == [kept, old]
     assert kept.stat().st_mtime_ns == before and joint_states(old) == 1001
+    assert len(wrote) == 2  # the one that was there, and the one that was made anew
 
 
 def test_a_run_that_fails_is_not_completed(tmp_path):
