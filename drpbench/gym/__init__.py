@@ -15,6 +15,9 @@ except ImportError:
 
 from drpbench.envs import TASKS
 
+from .normalised import NormalisedObservations as NormalisedObservations
+from .normalised import NormalisedVectorObservations as NormalisedVectorObservations
+from .normalised import normalised as normalised
 from .single import SingleEnv as SingleEnv
 from .vector import VectorEnv as VectorEnv
 

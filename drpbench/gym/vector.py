@@ -36,7 +36,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     [rad] of shape (num_envs, J), J = 7 for the Panda. The reward is 1 for success at the last
     control step, and 0 otherwise: an episode's return is its success. Nothing terminates an episode
     before its 1000 control steps; then all lanes are truncated together, and `reset` begins the
-    next problems.
+    next problems, or the environment does, if `autoreset_mode` says so.
 
     The dense reward of step t adds what came nearer and takes away the first collision:
 
@@ -53,10 +53,13 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             ProblemSet.
         run_seed: the seed of `drpbench run`: of point clouds and of how boxes move.
         episode: how long an episode is; another one than the benchmark's is for trying things out.
-        reward: "sparse", the verdict at the last step; or "dense", see below.
+        reward: "sparse", the verdict at the last step; or "dense", see above.
         control_mode: "absolute" joint targets [rad], or "delta": actions within [-1, 1] are shares
             of the velocity limits, and the target lies as far ahead of each joint as the servos lag
             at that speed.
+        autoreset_mode: who begins the next episodes: "Disabled", the caller; "NextStep", the step
+            after the last one, whose actions count for nothing; "SameStep", the last step itself,
+            with what it ended in as `info["final_obs"]` and `info["final_info"]`.
         render_mode: "rgb_array" to draw lanes with `render` (`drpbench.gym.picture`), or None.
 
     Raises:
@@ -79,8 +82,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         episode: Episode = EPISODE,
         reward: str = "sparse",
         control_mode: str = "absolute",
+        autoreset_mode: str | AutoresetMode = AutoresetMode.DISABLED,
         render_mode: str | None = None,
     ):
+        modes = [mode.value for mode in AutoresetMode]
+        if getattr(autoreset_mode, "value", autoreset_mode) not in modes:
+            expected = ", ".join(map(repr, modes))
+            raise ValueError(f"autoreset_mode={autoreset_mode!r}: expected one of {expected}")
+        self._autoreset = AutoresetMode(autoreset_mode)
         for name, value, choices in (
             ("reward", reward, REWARDS),
             ("control_mode", control_mode, CONTROL_MODES),
@@ -100,7 +109,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         problem_set = problems if isinstance(problems, ProblemSet) else load_set()
         world = replace(world_of(problem_set, task), episode=episode)
         self.num_envs = num_envs
-        self.metadata = {**self.metadata, "render_fps": round(1.0 / episode.period)}
+        self.metadata = {
+            **self.metadata,
+            "render_fps": round(1.0 / episode.period),
+            "autoreset_mode": self._autoreset,
+        }
         self.single_observation_space = observation_space(world.spec)
         self.single_action_space = (
             gymnasium.spaces.Box(-1.0, 1.0, (world.robot.joints,), np.float32)
@@ -150,6 +163,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             ValueError: actions are not of shape (num_envs, J).
             RuntimeError: the episodes are over, or none was begun.
         """
+        if self._autoreset is AutoresetMode.NEXT_STEP and self._ids and self._lanes.over:
+            begun, info = self.reset()
+            still = np.zeros(self.num_envs, bool)
+            return begun, np.zeros(self.num_envs), still, still.copy(), info
         targets = np.asarray(actions, np.float32)
         if targets.shape != self.action_space.shape:
             raise ValueError(f"actions have shape {targets.shape}, not {self.action_space.shape}")
@@ -168,7 +185,25 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             self._error, self._collided = now, collided
         terminated = np.zeros(self.num_envs, bool)
         truncated = np.full(self.num_envs, over)
-        return as_dict(observation), reward, terminated, truncated, self._info(outcome)
+        shown, info = as_dict(observation), self._info(outcome)
+        if over and self._autoreset is AutoresetMode.SAME_STEP:
+            final, ended = shown, info
+            shown, info = self.reset()
+            info |= self._final(final, ended)
+        return shown, reward, terminated, truncated, info
+
+    def _final(self, shown: dict[str, np.ndarray], info: dict[str, Any]) -> dict[str, Any]:
+        """What episodes ended in, as Gymnasium has it: an observation a lane, infos by key."""
+        lanes = np.empty(self.num_envs, object)
+        for lane in range(self.num_envs):
+            lanes[lane] = {name: values[lane] for name, values in shown.items()}
+        ended = np.ones(self.num_envs, bool)
+        return {
+            "final_obs": lanes,
+            "_final_obs": ended,
+            "final_info": info,
+            "_final_info": ended.copy(),
+        }
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """A picture (480, 640, 3) uint8 of each lane, or None without a render mode.

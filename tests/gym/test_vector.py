@@ -223,3 +223,72 @@ def test_the_snippet_of_the_documentation_runs(capsys):
     names = snippet("make_vec")
     assert names["info"]["id"].shape == (LANES,) and not names["truncated"].any()
     assert capsys.readouterr().out
+
+
+SHORT = Episode(steps=3)
+
+
+@pytest.fixture(scope="module")
+def restarting():
+    """Of each mode the same four steps, and what each of them gave."""
+    found = {}
+    for mode in ("NextStep", AutoresetMode.SAME_STEP):
+        envs = drpbench.gym.VectorEnv(2, task="SE", episode=SHORT, autoreset_mode=mode)
+        first, info = envs.reset(seed=3)
+        steps = [envs.step(first["joint_position"]) for _ in range(4)]
+        found[envs.metadata["autoreset_mode"]] = [(first, None, None, None, info), *steps]
+    return found
+
+
+def test_the_next_step_begins_the_next_episodes(restarting):
+    begun, *steps = restarting[AutoresetMode.NEXT_STEP]
+    assert [step[3].all() for step in steps] == [False, False, True, False]
+    observation, reward, _, _, info = steps[-1]
+    assert not reward.any() and not set(info["id"]) & set(begun[4]["id"])
+    assert (observation["goal_joints"] != begun[0]["goal_joints"]).any()
+    assert set(steps[2][4]["id"]) == set(begun[4]["id"]) and "clearance" not in info
+
+
+def test_the_last_step_itself_begins_the_next_episodes(restarting):
+    begun, *steps = restarting[AutoresetMode.SAME_STEP]
+    _, *others = restarting[AutoresetMode.NEXT_STEP]
+    assert [step[3].all() for step in steps] == [False, False, True, False]
+    shown, _, _, _, info = steps[2]
+    np.testing.assert_array_equal(shown["goal_joints"], others[3][0]["goal_joints"])
+    assert not set(info["id"]) & set(begun[4]["id"]) and "clearance" not in info
+    assert info["final_info"]["id"].tolist() == begun[4]["id"].tolist()
+    assert info["_final_obs"].all() and "clearance" in info["final_info"]
+    for lane, final in enumerate(info["final_obs"]):
+        np.testing.assert_array_equal(final["joint_position"], others[2][0]["joint_position"][lane])
+
+
+def test_another_mode_is_refused():
+    with pytest.raises(ValueError, match="autoreset_mode='often': expected one of 'NextStep'"):
+        drpbench.gym.VectorEnv(2, task="SE", autoreset_mode="often")
+
+
+def test_normalised_observations_are_shares_of_what_the_arm_can_do():
+    def make():
+        return drpbench.gym.VectorEnv(2, task="SE", episode=SHORT, autoreset_mode="SameStep")
+
+    plain, envs = make(), drpbench.gym.NormalisedVectorObservations(make())
+    raw, _ = plain.reset(seed=1)
+    seen, _ = envs.reset(seed=1)
+    assert seen in envs.observation_space
+    share = (raw["joint_position"] - PANDA.joint_lower) / (PANDA.joint_upper - PANDA.joint_lower)
+    np.testing.assert_allclose(seen["joint_position"], 2 * share - 1, atol=1e-6)
+    np.testing.assert_array_equal(seen["scene_points"], raw["scene_points"])
+    for _ in range(SHORT.steps):
+        targets = raw["goal_joints"]
+        raw, *_, info = plain.step(targets)
+        seen, *_, found = envs.step(targets)
+    for one, other in zip(info["final_obs"], found["final_obs"], strict=True):
+        np.testing.assert_allclose(
+            other["joint_velocity"], one["joint_velocity"] / PANDA.velocity_limit, rtol=1e-5
+        )
+
+
+def test_one_environment_is_normalised_alike():
+    env = drpbench.gym.NormalisedObservations(gymnasium.make("drpbench/SE-v1"))
+    seen, _ = env.reset(seed=1)
+    assert seen in env.observation_space and np.abs(seen["goal_joints"]).max() <= 1.0
