@@ -244,6 +244,7 @@ app.command()(cli_report.report)
 app.command()(cli_results.submit)
 app.command()(cli_results.verify)
 app.command()(cli_results.compare)
+app.command()(cli_results.merge)
 app.command()(cli_results.difference)
 app.command()(cli_view.view)
 

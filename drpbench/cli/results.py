@@ -95,6 +95,25 @@ def difference(
         console_of().print(line, soft_wrap=True)
 
 
+def merge(
+    results: Annotated[list[Path], typer.Argument(help="The result files of all parts of a run.")],
+    out: Annotated[Path, typer.Option(help="The file of the whole run; .json.gz compresses it.")],
+    problems_from: ProblemsFrom = None,
+) -> None:
+    """Join the parts of a run that drpbench run --shard made, as if one run had made it."""
+    from drpbench.results import load, save, shards
+    from drpbench.results.names import forms, is_result
+
+    if not is_result(out):
+        raise InputError(f"--out {out}: the result file must end in .json or .json.gz")
+    if there := [form for form in forms(out) if form.exists()]:
+        raise InputError(f"--out {there[0]}: exists; nothing overwritten. Name another file")
+    parts = {str(path): load(path) for path in results}
+    whole = shards.merged(parts, set_of_results(parts, problems_from).counts)
+    save(whole, out)
+    typer.echo(f"{len(whole.rows)} rows in {out}")
+
+
 def verify(
     result: Annotated[Path, typer.Argument(help="The result file of a run.")],
     sample: Annotated[int, typer.Option(help="How many rows to run again.")] = 50,

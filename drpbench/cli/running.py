@@ -144,6 +144,13 @@ def run(
             "--isolated", help="Keep the policy in a process that does not keep the score."
         ),
     ] = False,
+    shard: Annotated[
+        str | None,
+        typer.Option(
+            help="Run one part of the problems: 3/16, or slurm for SLURM's array variables; "
+            "drpbench merge joins the parts."
+        ),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run.")] = False,
     batch_size: Annotated[
         int | None, typer.Option(help="How many episodes run at once [default: 64; 2048 on a GPU]")
@@ -166,6 +173,7 @@ def run(
     check_limits(time_limit, seed)
     recorded = cli_recording.parse_count(record)
     from drpbench.problems import load_set
+    from drpbench.results import shards
     from drpbench.results.names import is_result
 
     problem_set = given_set(problems_from) or load_set()
@@ -173,13 +181,20 @@ def run(
     if task is None and problems is None and sum(sizes.values()) > 20 * len(sizes):
         problems = "20"
         typer.echo(f"20 problems of each task; --task all runs all {sum(sizes.values())}")
-    wanted = {}
+    wanted: dict[str, list[int] | None] = {}
     for one in names:
         of_kind = matching(problem_set.task(one), family, pair, level)
         wanted[one] = parse_problems(problems, one, sizes[one], of_kind)
+    part = ""
+    if shard is not None:
+        number, parts = shards.parse(shard)
+        wanted |= shards.share(wanted, sizes, number, parts)
+        part = f"{number}/{parts}"
     tag = "all" if len(names) == len(sizes) else "-".join(names)
     if problems_from is not None:
         tag = f"{problem_set.name.replace('/', '_')}-{tag}"
+    if part:
+        tag += f"-shard-{part.replace('/', '-of-')}"
     out = out or default_out(policy, tag, resume)
     if not is_result(out):
         raise InputError(f"--out {out}: the result file must end in .json or .json.gz")
@@ -215,6 +230,7 @@ def run(
         seed=seed,
         name=name,
         isolated=isolated,
+        shard=part,
         batch_size=batch_size or default,
         resume=resume,
         save_trajectories=save_trajectories,
@@ -239,4 +255,7 @@ def run(
     else:
         also = ""
     where = f" {out.parent}" if str(out.parent) != "." else " ."
-    console.print(f"next: {also}drpbench leaderboard{where} compares", soft_wrap=True)
+    then = f"drpbench leaderboard{where} compares"
+    if part:
+        then = "drpbench merge joins the parts once all of them are there"
+    console.print(f"next: {also}{then}", soft_wrap=True)

@@ -47,6 +47,8 @@ class Request:
     """What the leaderboard calls the run; empty: as its policy."""
     isolated: bool = False
     """Whether the policy is kept in a process of its own (`plugins.isolation`)."""
+    shard: str = ""
+    """Which part of a run the problems are, as `3/16`; empty: they are the run."""
     time_limit: float = TIME_LIMIT  # [s] a control step, for policies outside jit
     seed: int = 0
     batch_size: int = LANES
@@ -114,6 +116,7 @@ def _run(
             task: None if ids is None else list(ids) for task, ids in request.problems.items()
         },
         wall_seconds=0.0,
+        shard=request.shard,
     )
     begin = Journal.resume if request.resume else Journal.create
     with begin(request.out, header) as journal:

@@ -99,6 +99,9 @@ class Header(_Record):
         description="per task the ids asked for; null means every problem of the task"
     )
     wall_seconds: NonNegativeFloat = Field(description="time spent on the rows [s]")
+    shard: str = Field(
+        default="", pattern=r"^(\d+/\d+)?$", description="which part of a run this is: 3/16"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
