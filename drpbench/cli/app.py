@@ -16,7 +16,7 @@ from drpbench.cli import report as cli_report
 from drpbench.cli import results as cli_results
 from drpbench.cli import running as cli_running
 from drpbench.cli import view as cli_view
-from drpbench.errors import DrpbenchError, InputError
+from drpbench.errors import DrpbenchError, InputError, suggested
 
 from .options import (
     ProblemsFrom,
@@ -128,7 +128,10 @@ def leaderboard(
         raise InputError(f"--format {format}: expected table, {', '.join(texts)}")
     known = [name for name, _ in MEASURES]
     if unknown := [name for name in measure or () if name not in known]:
-        raise InputError(f"--measure {unknown[0]}: expected one of {', '.join(known)}")
+        raise InputError(
+            f"--measure {unknown[0]}: expected one of {', '.join(known)}"
+            f"{suggested(unknown[0], known)}"
+        )
     results = load_dir(folder if folder is not None else shipped_results())
     sizes = set_of_results(results, problems_from).counts
     if folder is not None and not alone:

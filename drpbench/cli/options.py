@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from drpbench.errors import InputError
+from drpbench.errors import InputError, suggested
 
 if TYPE_CHECKING:
     from drpbench.problems import ProblemSet
@@ -91,7 +91,7 @@ def parse_tasks(text: str, problem_set: "ProblemSet", several: bool = True) -> l
         choices = [*there.values(), "all"] if several else list(there.values())
         raise InputError(
             f"there is no task {unknown[0]!r} in {problem_set.name}; "
-            f"its tasks are {', '.join(choices)}"
+            f"its tasks are {', '.join(choices)}{suggested(unknown[0], choices)}"
         )
     if len(set(wanted)) < len(wanted):
         raise InputError(f"--task names a task twice: {text}")

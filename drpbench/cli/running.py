@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from drpbench.cli import recording as cli_recording
-from drpbench.errors import InputError
+from drpbench.errors import InputError, suggested
 
 from .options import (
     PolicyArguments,
@@ -77,7 +77,10 @@ def matching(
     for name, value in asked.items():
         there = sorted({str(one) for one in getattr(problems, name)})
         if str(value) not in there:
-            raise InputError(f"--{name} {value}: {problems.task} has {', '.join(there)}")
+            raise InputError(
+                f"--{name} {value}: {problems.task} has {', '.join(there)}"
+                f"{suggested(str(value), there)}"
+            )
     found = [
         id
         for id in range(problems.count)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
@@ -15,6 +16,7 @@ from drpbench.contract import (
     Policy,
     observation_spec,
 )
+from drpbench.errors import suggested
 from drpbench.policies import DcpRmp, FoldAndWait, Hold, Straight
 from drpbench.robot import PANDA, Robot
 
@@ -138,9 +140,12 @@ def choose(
     elif base in installed():
         return _theirs(base, offered(installed()[base]), arguments, wrappers, time_limit, world)
     else:
-        known = ", ".join([*POLICIES, *installed()])
+        known = [*POLICIES, *installed()]
+        if base.isidentifier() and find_spec(base) is not None:
+            raise UnknownPolicy(f"{base!r} is a module: append the policy's class, {base}:MyPolicy")
         raise UnknownPolicy(
-            f"no policy {base!r}; there are: {known}, and yours as module:Class{_over()}"
+            f"no policy {base!r}; there are: {', '.join(known)}, and yours as module:Class{_over()}"
+            f"{suggested(base, known)}"
         )
     fixed |= accepted(factory, world)
     chosen = read(base, factory, arguments, fixed)
@@ -264,7 +269,7 @@ def _wrapped(policy: Any, wrappers: list[str], world: Mapping[str, Any]) -> Any:
         if wrapper not in WRAPPERS:
             raise UnknownPolicy(
                 f"nothing called {wrapper!r} goes over a policy; there is: {', '.join(WRAPPERS)} "
-                f"(as in straight+dcp-rmp)"
+                f"(as in straight+dcp-rmp){suggested(wrapper, WRAPPERS)}"
             )
         wrap = WRAPPERS[wrapper][0]
         policy = wrap(policy, **accepted(wrap, world))
