@@ -100,7 +100,9 @@ class Header(_Record):
     )
     wall_seconds: NonNegativeFloat = Field(description="time spent on the rows [s]")
     shard: str = Field(
-        default="", pattern=r"^(\d+/\d+)?$", description="which part of a run this is: 3/16"
+        default="",
+        pattern=r"^([1-9]\d*/[1-9]\d*)?$",
+        description="which part of a run this is: 3/16",
     )
 
     @model_validator(mode="after")

@@ -72,6 +72,8 @@ def merged(results: Mapping[str, Result], counts: Mapping[str, int]) -> Result:
         if not result.header.shard:
             raise ResultsError(f"{name}: expected a part of a run (run --shard 3/16), got a whole")
         part, count = map(int, result.header.shard.split("/"))
+        if part > count:
+            raise ResultsError(f"{name}: expected a part from 1 to {count}, got {part}/{count}")
         of = of or count
         if count != of:
             raise ResultsError(

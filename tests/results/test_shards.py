@@ -69,6 +69,7 @@ def other_rows():
     ("results", "said"),
     [
         ({"a.json": WHOLE}, r"a.json: expected a part of a run \(run --shard 3/16\), got a whole"),
+        ({"a.json": part(1, 1, shard="2/1")}, "a.json: expected a part from 1 to 1, got 2/1"),
         ({"a.json": part(1, 3)}, "expected all 3 parts, got none of 2/3, 3/3"),
         ({"a.json": part(1, 2), "b.json": part(2, 3)}, "a.json and b.json: .* of 2 and of 3"),
         ({"a.json": part(1, 2), "b.json": part(2, 2, seed=1)}, "two of seed 0 and 1"),
