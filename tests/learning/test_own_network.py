@@ -29,7 +29,7 @@ def folder(tmp_path_factory, demonstrations):
     folder = tmp_path_factory.mktemp("mine")
     (source,) = re.findall(r"```python\n# file: reacher.py\n(.*?)```", PAGE.read_text(), re.DOTALL)
     (folder / "reacher.py").write_text(source)
-    Shards(folder / "data", "training", 8).add(0, jax.tree.map(np.asarray, demonstrations))
+    Shards(folder / "data", "training").add(range(8), jax.tree.map(np.asarray, demonstrations))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.syspath_prepend(str(folder))
