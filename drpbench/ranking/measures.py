@@ -111,7 +111,9 @@ def notes(entries: Sequence[Entry]) -> list[str]:
     """What a reader must know beside the figures, a line each."""
     found = [f"{entry.policy}: {entry.about}." for entry in entries if entry.about]
     cells = [(entry, task, cell) for entry in entries for task, cell in entry.cells.items()]
-    if any(entry.rank is None for entry in entries):
+    marked = any(cell.partial for _, _, cell in cells)
+    # A run of one task alone has no column of all tasks, nor one of ranks.
+    if marked or (len(entries) > 1 or len(cells) > 1) and any(e.rank is None for e in entries):
         found.append(PARTIAL)
     if any(entry.privileged for entry in entries):
         found.append(PRIVILEGED)

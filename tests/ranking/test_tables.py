@@ -9,7 +9,7 @@ from rich.console import Console
 from drpbench.ranking import Leaderboard, build, export, render_entry
 from drpbench.ranking.board import Entry, beside
 from drpbench.ranking.markdown import render_markdown
-from drpbench.ranking.measures import MEASURES
+from drpbench.ranking.measures import MEASURES, PARTIAL, notes
 from drpbench.ranking.reported import REPORTED, REPORTED_NOTE, REPORTED_TASKS
 from drpbench.ranking.tables import render_terminal, width_needed
 from drpbench.results import Result
@@ -231,3 +231,14 @@ def test_the_papers_rates_agree_with_each_other():
             if reach is None or collision is None or (reported.method, task) == MISPRINT:
                 continue
             assert reach - collision <= success <= min(reach, 100 - collision), (reported, task)
+
+
+def test_no_asterisk_is_explained_where_none_is_shown(make_result):
+    def of(*results, expected):
+        named = {f"{n}.json": result for n, result in enumerate(results)}
+        return notes(build(named, expected).entries)
+
+    whole, part = make_result("a", {"FDO": "+-"}), make_result("b", {"FDO": "+"})
+    assert PARTIAL not in of(whole, expected={"SE": 3, "FDO": 2})
+    assert PARTIAL in of(part, expected={"SE": 3, "FDO": 2})
+    assert PARTIAL in of(whole, part, expected={"SE": 3, "FDO": 2})
