@@ -41,6 +41,14 @@ def check_limits(time_limit: float, seed: int) -> None:
         raise InputError(f"--seed {seed}: must fit 32 bits")
 
 
+def check_out(out: Path) -> None:
+    """Refuses what is no name of a result file."""
+    from drpbench.results.names import is_result
+
+    if not is_result(out):
+        raise InputError(f"--out {out}: the result file must end in .json or .json.gz")
+
+
 def given_set(path: Path | None) -> "ProblemSet | None":
     """The set in the file that `--problems-from` names, if it names one."""
     from drpbench.problems import load_set

@@ -7,7 +7,7 @@ import typer
 
 from drpbench.errors import InputError
 
-from .options import ProblemsFrom, set_of_results
+from .options import ProblemsFrom, check_out, set_of_results
 
 if TYPE_CHECKING:
     from drpbench.evaluation.verification import Verification
@@ -102,10 +102,9 @@ def merge(
 ) -> None:
     """Join the parts of a run that drpbench run --shard made, as if one run had made it."""
     from drpbench.results import load, save, shards
-    from drpbench.results.names import forms, is_result
+    from drpbench.results.names import forms
 
-    if not is_result(out):
-        raise InputError(f"--out {out}: the result file must end in .json or .json.gz")
+    check_out(out)
     if there := [form for form in forms(out) if form.exists()]:
         raise InputError(f"--out {there[0]}: exists; nothing overwritten. Name another file")
     parts = {str(path): load(path) for path in results}

@@ -18,6 +18,7 @@ from .options import (
     Seed,
     TimeLimit,
     check_limits,
+    check_out,
     given_set,
     parse_tasks,
 )
@@ -177,7 +178,6 @@ def run(
     recorded = cli_recording.parse_count(record)
     from drpbench.problems import load_set
     from drpbench.results import shards
-    from drpbench.results.names import is_result
 
     problem_set = given_set(problems_from) or load_set()
     names, sizes = parse_tasks(task or "all", problem_set), problem_set.counts
@@ -199,8 +199,7 @@ def run(
     if part:
         tag += f"-shard-{part.replace('/', '-of-')}"
     out = out or default_out(policy, tag, resume)
-    if not is_result(out):
-        raise InputError(f"--out {out}: the result file must end in .json or .json.gz")
+    check_out(out)
     told = ", ".join(f"{len(ids or range(sizes[one]))} {one}" for one, ids in wanted.items())
     typer.echo(f"{policy} on {told}; the first batch of each task compiles first")
 

@@ -21,7 +21,8 @@ from drpbench.robot import PANDA, Robot
 
 from .demonstrations import Demonstrations, Shards, join
 
-SHARD = 256  # problem numbers in a shard, at most
+# Problem numbers in a shard, at most: whole batches of the expert, on an accelerator too.
+SHARD = 512
 
 
 @dataclass(frozen=True)
