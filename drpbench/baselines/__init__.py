@@ -1,4 +1,5 @@
 """Policies to compare with."""
 
+from .ompl import Ompl as Ompl
 from .rmp import Rmp as Rmp
 from .trajopt import TrajOpt as TrajOpt

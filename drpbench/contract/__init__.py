@@ -16,6 +16,7 @@ from .observation import Observation as Observation
 from .observation import Spec as Spec
 from .observation import observation_spec as observation_spec
 from .policy import OF_THE_WORLD as OF_THE_WORLD
+from .policy import UNSTATED as UNSTATED
 from .policy import Policy as Policy
 from .policy import Scalar as Scalar
 from .problem import WAY_POINTS as WAY_POINTS

@@ -13,6 +13,8 @@ OF_THE_WORLD = ("robot", "control_period")
 """Fields of a policy that the world decides, not the policy: its arm, and how long a control step
 is [s]. They are static under jit, are passed by name to whatever makes a policy, and are none of
 the parameters that a result states."""
+UNSTATED = {"stated": False}
+"""Metadata of a policy's field that says something of the machine, and stays out of results."""
 
 
 @runtime_checkable

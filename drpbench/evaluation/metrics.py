@@ -107,6 +107,6 @@ def _row(id: int, family: str, trace: Trace, verdict: Verdict, b: int) -> Row:
         joint_limit_violation=bool((beyond > LIMIT_TOLERANCE).any()),
         time_at_goal_before_removal=at_goal_early,
         success_before_removal=success_early,
-        status=trace.failure or ("ok" if finite else "nan"),
+        status=trace.failures[b] or ("ok" if finite else "nan"),
         valid=bool(verdict.valid),
     )

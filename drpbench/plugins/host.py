@@ -59,10 +59,11 @@ class Hosted:
         policy: HostPolicy,
         build: Callable[[], HostPolicy],
         over: Callable[[Policy], Policy] = lambda policy: policy,
-        time_limit: float = TIME_LIMIT,
+        time_limit: float | None = TIME_LIMIT,
     ):
         """`build` makes another one once `policy` hung; `over` puts JAX policies over it that
-        change what it sees (DCP-RMP); `time_limit` [s] is for one control step. Raises PolicyError.
+        change what it sees (DCP-RMP); `time_limit` [s] is for one control step; a policy
+        that keeps its own time has none. Raises PolicyError.
         """
         self.policy: HostPolicy | None = policy
         self._build, self.time_limit = build, time_limit
@@ -88,14 +89,22 @@ class Hosted:
         that hung cannot be made anew."""
         if self.policy is None:
             self.policy = self._build()
-        self._call("reset", observation, count, RESET_SHARE * self.time_limit)
+        limit = self.time_limit
+        self._call("reset", observation, count, None if limit is None else RESET_SHARE * limit)
 
     def act(self, observation: Observation, count: int) -> np.ndarray:
         """The policy's targets (count, J) float32, numbers or not. Raises Failed."""
         answer = self._call("act", observation, count, self.time_limit)
         return answered(answer, count, observation.joint_position.shape[-1])
 
-    def _call(self, method: str, observation: Observation, count: int, limit: float) -> Any:
+    def failures(self, count: int) -> tuple[str, ...]:
+        """Why the policy gives up each of `count` episodes; "" where it does not. Raises Failed."""
+        given = tuple(str(one) for one in getattr(self.policy, "failures", ())) or ("",) * count
+        if len(given) != count:
+            raise Failed(f"failures: {len(given)} of them for {count} episodes")
+        return given
+
+    def _call(self, method: str, observation: Observation, count: int, limit: float | None) -> Any:
         handed, context = HANDED[self.arrays](observation, count, self.policy)
         if self._worker is None:
             self._worker = _Worker()
@@ -130,9 +139,10 @@ class _Worker:
         function: Callable,
         argument: HostObservation,
         context: Callable[[], contextlib.AbstractContextManager],
-        limit: float,
+        limit: float | None,
     ) -> tuple[Any, BaseException | None]:
-        """What the function answers or raises. Raises queue.Empty once the limit [s] has passed."""
+        """What the function answers or raises. Raises queue.Empty once the limit [s], if there is
+        one, has passed."""
         self._calls.put((function, argument, context))
         return self._answers.get(timeout=limit)
 

@@ -33,6 +33,8 @@ def is_ours(name: str) -> bool:
     kind, colon, rest = base.partition(":")
     if not colon:
         return base in POLICIES or base.endswith(".safetensors")
+    if kind == "ompl":
+        return True
     return kind in FROM_FILE and rest.endswith(".safetensors") and ":" not in rest
 
 

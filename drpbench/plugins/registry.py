@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
-from drpbench.baselines import Rmp, TrajOpt
+from drpbench.baselines import Ompl, Rmp, TrajOpt
 from drpbench.contract import (
     EPISODE,
     OF_THE_WORLD,
@@ -66,12 +66,16 @@ def _drp(
     return DcpRmp(inner, robot=robot, control_period=control_period)
 
 
-POLICIES: dict[str, tuple[Callable[..., Policy], str]] = {
+POLICIES: dict[str, tuple[Callable[..., Any], str]] = {
     "drp": (_drp, "Deep Reactive Policy: IMPACT with DCP-RMP, the paper's method"),
     "impact": (_impact, "the transformer policy alone, with the best weights there are"),
     "impact-pretrained": (_pretrained, "the same before it learned from corrections"),
     "rmp": (Rmp, "Riemannian motion policies from the point cloud alone"),
     "trajopt": (TrajOpt, "plans with a trajectory optimiser on the obstacle models (privileged)"),
+    "ompl": (
+        Ompl,
+        "plans with OMPL on the obstacle models; ompl:bitstar names the planner (privileged)",
+    ),
     "straight": (Straight, "the straight line in joint space, blind to the scene"),
     "fold-and-wait": (FoldAndWait, "folds away, waits until the boxes are gone, and goes straight"),
     "hold": (Hold, "stays where it is"),
@@ -123,6 +127,8 @@ def choose(
     kind, _, rest = base.partition(":")
     if ":" in base and kind in FROM_FILE:
         factory, fixed = FROM_FILE[kind], {"weights": Path(rest)}
+    elif ":" in base and kind == "ompl":
+        factory, fixed = Ompl, {"planner": rest}
     elif ":" in base and kind == "remote":
         if arguments:
             raise PolicyError("--policy-arg: a remote policy takes its parameters where it runs")
@@ -149,6 +155,8 @@ def choose(
         )
     fixed |= accepted(factory, world)
     chosen = read(base, factory, arguments, fixed)
+    if factory is Ompl:
+        return _planner(partial(factory, **fixed, **chosen), wrappers, world)
     policy = _wrapped(factory(**fixed, **chosen), wrappers, world)
     return Choice(policy, parameters(policy))
 
@@ -212,6 +220,15 @@ def _theirs(
     return _hosted(policy, build, wrappers, own, time_limit, world)
 
 
+def _planner(
+    build: Callable[[], HostPolicy], wrappers: list[str], world: Mapping[str, Any]
+) -> Choice:
+    """A host policy of ours, which keeps its own time."""
+    policy = build()
+    own = _beneath(wrappers, parameters(policy))
+    return _hosted(policy, build, wrappers, own, None, world)
+
+
 def _remote(
     address: str, wrappers: list[str], time_limit: float, world: Mapping[str, Any]
 ) -> Choice:
@@ -249,18 +266,19 @@ def _hosted(
     build: Callable[[], HostPolicy],
     wrappers: list[str],
     own: dict[str, Any],
-    time_limit: float,
+    time_limit: float | None,
     world: Mapping[str, Any],
     slack: float = 0.0,
 ) -> Choice:
     """`slack` [s] is for a policy that keeps the limit itself, and should be the one to say so."""
-    hosted = Hosted(
-        policy, build, lambda shown: _wrapped(shown, wrappers, world), time_limit + slack
-    )
+    limit = None if time_limit is None else time_limit + slack
+    hosted = Hosted(policy, build, lambda shown: _wrapped(shown, wrappers, world), limit)
     over = {
         key: value for key, value in parameters(hosted.shown).items() if "privileged" not in key
     }
-    told = {"host.arrays": hosted.arrays, "host.time_limit": time_limit}
+    told: dict[str, Any] = {"host.arrays": hosted.arrays}
+    if time_limit is not None:
+        told["host.time_limit"] = time_limit
     return Choice(hosted, over | own | told)
 
 
@@ -283,11 +301,11 @@ def _over() -> str:
 def parameters(policy: Any, prefix: str = "") -> dict[str, float | int | str | bool]:
     """Every scalar setting of a policy, by dotted name, for a result's header.
 
-    What is the world's, its arm and its control period, is none.
+    What is the world's, its arm and its control period, is none; nor is what is UNSTATED.
     """
     found: dict[str, float | int | str | bool] = {}
     for field in fields(policy) if is_dataclass(policy) else ():
-        if field.name in OF_THE_WORLD:
+        if field.name in OF_THE_WORLD or not field.metadata.get("stated", True):
             continue
         value = getattr(policy, field.name)
         if is_dataclass(value):

@@ -50,12 +50,12 @@ class Trace:
     start: np.ndarray  # (B, J) [rad]
     start_grip: np.ndarray  # (B, 3) [m]
     valid: np.ndarray  # (B,) bool
-    failure: str = ""  # why the policy gave no answer in this batch, if it did not
+    failures: tuple[str, ...]  # (B,) why the policy gave no answer, or gave up; "" if it did not
 
     @property
     def verdict(self) -> Verdict:
         """(B,) Of the whole episodes; none is finite where the policy failed."""
-        answered = self.finite & (not self.failure)
+        answered = self.finite & ~np.array([bool(one) for one in self.failures])
         return Verdict.of(replace(self, finite=answered), self.valid)
 
 
@@ -64,7 +64,7 @@ class Rollout:
 
     Rollouts share their compiled programs where their worlds are equal and their policies differ in
     parameters only. A policy outside jit sees the real instances alone. Where it fails, its arms
-    stop where they are, the episode goes on without it, and the trace says why in `failure`.
+    stop where they are, the episode goes on without it, and the trace says why in `failures`.
     """
 
     def __init__(self, world: World, policy: Policy | Hosted, seed: int = 0, lanes: int = LANES):
@@ -98,7 +98,7 @@ class Rollout:
             valid=np.asarray(valid(last.memory))[:count]
             if jax.tree.leaves(last.memory)
             else np.ones(count, bool),
-            failure=answers.failure if answers else "",
+            failures=answers.failures if answers else ("",) * count,
         )
 
 

@@ -43,6 +43,16 @@ class Answers:
             return np.full((lanes, joints), np.nan, np.float32)
         return targets[np.arange(lanes) % self.count]
 
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """(count,) Why each episode has no answers, or was given up; "" where it was not."""
+        if not self.failure:
+            try:
+                return self.policy.failures(self.count)
+            except Failed as failed:
+                self.failure = str(failed)
+        return (self.failure,) * self.count
+
     def _ask(
         self, question: Callable[[Observation, int], Any], observation: Observation
     ) -> np.ndarray | None:

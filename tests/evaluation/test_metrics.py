@@ -42,10 +42,11 @@ def trace(task="FDO", **changed):
         "start_grip": np.array([0.5, 0.0, 0.4]),
         "valid": np.bool_(True),
     }
+    failures = (changed.pop("failure", ""),)
     assert set(changed) <= set(still) | set(once)
     over_time = {name: np.asarray(changed.get(name, a))[:, None] for name, a in still.items()}
     at_once = {name: np.asarray(changed.get(name, a))[None] for name, a in once.items()}
-    return Trace(world=World(TASKS[task]), **over_time, **at_once)
+    return Trace(world=World(TASKS[task]), **over_time, **at_once, failures=failures)
 
 
 def row(**changed):
@@ -202,16 +203,18 @@ def test_rows_are_in_the_order_of_the_ids():
         **{
             name: np.concatenate([value, getattr(far, name)], axis=1 if name in _TIMED else 0)
             for name, value in vars(near).items()
-            if name not in ("world", "failure")
+            if name not in ("world", "failures")
         },
+        failures=near.failures + ("planner: found no path",),
     )
     first, second = rows([9, 4], ["table", "box"], both)
     assert (first.task, first.id, first.family, first.reached) == ("GB", 9, "table", True)
     assert (second.id, second.family, second.reached) == (4, "box", False)
+    assert (first.status, second.status) == ("ok", "planner: found no path")
 
 
 def test_a_policy_that_failed_never_reached():
-    (row,) = rows([9], ["table"], replace(trace(), failure="raised: ValueError: no"))
+    (row,) = rows([9], ["table"], replace(trace(), failures=("raised: ValueError: no",)))
     assert row.status == "raised: ValueError: no"
     assert not row.reached and not row.success and not row.reached_5cm and row.time_to_goal is None
 

@@ -34,6 +34,7 @@ def trace(count: int, seed: int) -> Trace:
         world=World(TASKS["FDO"]),
         **{name: rng.random((STEPS, count, *shape), np.float32) for name, shape in steps.items()},
         **{name: rng.random((count, *shape), np.float32) for name, shape in once.items()},
+        failures=("",) * count,
     )
 
 

@@ -1,0 +1,218 @@
+"""`ompl`: a sampling-based planner of OMPL (Sucan et al., 2012) as a policy that knows the models.
+
+When an episode begins it plans to the goal among the obstacles as they stand, simplifies the path,
+gives it its times within the arm's limits (`retiming.retime`), and tracks it. The paper runs AIT*
+(Strub and Gammell, 2020) so, for 80 s a problem. With `replan` it plans again from where the arm is
+every so many control steps; the world waits for it, so that costs it nothing.
+"""
+
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+
+from drpbench.compile import jit
+from drpbench.contract import EPISODE, UNSTATED, HostObservation
+from drpbench.errors import DrpbenchError, suggested
+from drpbench.geometry import Obstacles
+from drpbench.planning.retiming import retime, step_lengths
+from drpbench.robot import PANDA, Robot
+
+from .forked import Lost
+from .ompl_server import SERVE, Greeting, Problem, Request
+
+_WAYPOINTS = 256  # of a path, evenly spaced: its corners are cut by a few millimetres at most
+_SAMPLES = 512  # of a trajectory
+_FIRST_CHOICE = ("aitstar", "rrtconnect")
+
+
+@dataclass
+class Ompl:
+    """Plans with OMPL, and tracks. Privileged. A host policy.
+
+    Raises DrpbenchError, one line: an argument is not as expected, or there is no such OMPL.
+    """
+
+    planner: str = ""
+    """Its name in lower case, such as "bitstar"; "" is "aitstar" where OMPL has it (1.7), else
+    "rrtconnect"."""
+    time_limit: float = 5.0
+    """[s] of planning a problem. Planners that improve their path take all of it."""
+    replan: int = 0
+    """Control steps between two plans; 0: there is one plan."""
+    clearance: float = 0.01
+    """[m] kept from obstacles, or as much as start and goal have."""
+    speed: float = 0.5
+    """Share of the pace that the arm's limits allow."""
+    seed: int = 0
+    version: str = field(default="", init=False)
+    """OMPL's"""
+    processes: int = field(default=0, metadata=UNSTATED)
+    """Problems planned at once; 0: one a core."""
+    interpreter: str = field(default="", metadata=UNSTATED)
+    """The Python that has OMPL and drpbench; "" is this one."""
+    robot: Robot = PANDA
+    control_period: float = EPISODE.period
+
+    arrays = "numpy"
+    privileged = True
+
+    def __post_init__(self) -> None:
+        for name, least in (("time_limit", 0.0), ("speed", 0.0)):
+            if not getattr(self, name) > least or not np.isfinite(getattr(self, name)):
+                raise DrpbenchError(f"ompl: {name}={getattr(self, name):g}: expected more than 0")
+        if self.replan < 0 or self.processes < 0 or self.clearance < 0:
+            raise DrpbenchError("ompl: replan, processes and clearance: expected 0 or more")
+        self._processes = self.processes or os.cpu_count() or 1
+        self._interpreter = self.interpreter or sys.executable
+        self._server: subprocess.Popen | None = None
+        self.failures: tuple[str, ...] = ()
+        greeting = self._begin()
+        self.version = greeting.version
+        known = greeting.planners
+        self.planner = self.planner or next(name for name in _FIRST_CHOICE if name in known)
+        if self.planner not in known:
+            self.close()
+            newer = "; AIT* is in OMPL 1.7 only: interpreter=PYTHON names one that has it"
+            raise DrpbenchError(
+                f"ompl: OMPL {self.version} has no planner {self.planner!r}; it has: "
+                f"{', '.join(sorted(known))}{newer if self.planner == 'aitstar' else ''}"
+                f"{suggested(self.planner, list(known))}"
+            )
+
+    def reset(self, observation: HostObservation) -> None:
+        count = len(observation.joint_position)
+        self._clock = np.zeros(count, int)
+        self._steps = 0
+        self._duration = np.full(count, 1.0)
+        self._q = np.repeat(observation.joint_position[:, None], _SAMPLES, axis=1)
+        found = self._plan(observation)
+        # With `replan` there is another chance; then it only has not reached the goal.
+        self.failures = tuple(
+            f"planner: {path}" if isinstance(path, Lost) and not self.replan else ""
+            for path in found
+        )
+
+    def act(self, observation: HostObservation) -> np.ndarray:
+        if self.replan and self._steps and self._steps % self.replan == 0:
+            self._plan(observation)
+        ahead = self.speed * (self._clock * self.control_period + self.robot.servo_lag)
+        place = np.clip(ahead / self._duration, 0.0, 1.0) * (_SAMPLES - 1)
+        low = np.minimum(place.astype(int), _SAMPLES - 2)
+        lane, share = np.arange(len(place)), (place - low)[:, None]
+        self._clock += 1
+        self._steps += 1
+        return (1 - share) * self._q[lane, low] + share * self._q[lane, low + 1]
+
+    def close(self) -> None:
+        """Ends the planner's process."""
+        if self._server is not None:
+            self._server.kill()
+            self._server.wait()
+            self._server = None
+
+    def __del__(self) -> None:
+        if getattr(self, "_server", None) is not None:
+            self.close()
+
+    def _plan(self, observation: HostObservation) -> list[Any]:
+        """The paths that are found from where the arms are are tracked from now on."""
+        found = self.paths(observation)
+        for i, path in enumerate(found):
+            if not isinstance(path, Lost):
+                even = jnp.asarray(evenly(path, _WAYPOINTS, self.robot), jnp.float32)
+                timed = jax.device_get(_timed(even, self.robot))
+                self._q[i], self._duration[i] = timed.q, max(float(timed.duration), 1e-3)
+                self._clock[i] = 0
+        return found
+
+    def paths(self, observation: HostObservation) -> list[Any]:
+        """Waypoints (k, J) of every instance from where the arm is to the goal, or why there are
+        none."""
+        if self._server is None or self._server.poll() is not None:
+            self._begin()
+        assert self._server is not None and self._server.stdin and self._server.stdout
+        scenes = observation.obstacles
+        problems = [
+            Problem(
+                _obstacles(scenes, i), observation.joint_position[i], observation.goal_joints[i]
+            )
+            for i in range(len(observation.joint_position))
+        ]
+        request = Request(
+            self.robot,
+            self.planner,
+            self.time_limit,
+            self.clearance,
+            self.seed,
+            self._processes,
+            problems,
+        )
+        found: list[Any] = [Lost("its process ended") for _ in problems]
+        try:
+            pickle.dump(request, self._server.stdin)
+            self._server.stdin.flush()
+            for _ in problems:
+                number, path = pickle.load(self._server.stdout)
+                found[number] = path
+        except (EOFError, BrokenPipeError):
+            self.close()
+        return found
+
+    def _begin(self) -> Greeting:
+        """Starts the planner's process. Raises DrpbenchError."""
+        if not hasattr(os, "fork"):
+            raise DrpbenchError("ompl: needs a system that forks processes: Linux or macOS")
+        if shutil.which(self._interpreter) is None:
+            raise DrpbenchError(f"ompl: interpreter={self._interpreter}: there is no such program")
+        command = [self._interpreter, "-c", SERVE]
+        self._server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        assert self._server.stdout
+        try:
+            greeting = pickle.load(self._server.stdout)
+        except (EOFError, pickle.UnpicklingError):
+            greeting = Greeting(fault="no drpbench of this version")
+        if greeting.fault:
+            self.close()
+            raise DrpbenchError(
+                f"ompl: {self._interpreter} has {greeting.fault}: "
+                f'{self._interpreter} -m pip install "drpbench[ompl]"'
+            )
+        return greeting
+
+
+@partial(jit, static_argnums=1)
+def _timed(path: jax.Array, robot: Robot) -> Any:
+    return retime(path, _SAMPLES, robot)
+
+
+def evenly(path: np.ndarray, count: int, robot: Robot) -> np.ndarray:
+    """The polyline (k, J) at `count` points of even steps of `step_lengths`."""
+    steps = np.asarray(step_lengths(jnp.asarray(path, jnp.float32), robot), float)
+    ends = np.concatenate([[0.0], np.cumsum(steps)])
+    wanted = np.linspace(0.0, ends[-1], count)
+    return np.stack([np.interp(wanted, ends, path[:, j]) for j in range(path.shape[1])], axis=1)
+
+
+def _obstacles(scenes: Any, i: int) -> Obstacles:
+    """One instance's obstacles, for C MuJoCo."""
+    rotation = np.asarray(scenes.rotation[i], float)
+    quaternion = np.zeros((len(rotation), 4))
+    for one, matrix in zip(quaternion, rotation, strict=True):
+        mujoco.mju_mat2Quat(one, matrix.ravel())
+    return Obstacles(
+        kind=np.asarray(scenes.kind[i]),
+        half_size=np.asarray(scenes.half_size[i]),
+        position=np.asarray(scenes.position[i]),
+        quaternion=quaternion,
+        mask=np.asarray(scenes.mask[i]),
+    )
