@@ -33,7 +33,7 @@ class HostObservation:
 @runtime_checkable
 class HostPolicy(Protocol):
     """A policy that is stepped outside jit. The attributes `arrays` and `privileged` may be left
-    out."""
+    out, and so may `failures`: after `reset` a text an episode, why it is given up, or ""."""
 
     def reset(self, observation: HostObservation) -> None:
         """B episodes begin, and this is what they show. Whatever was kept of others is void."""

@@ -65,7 +65,7 @@ def verdicts(problems, ids, trace):
     return rows(list(ids), [problems.family[id] for id in ids], trace)
 
 
-ARRAYS = [of.name for of in fields(Trace) if of.name not in ("world", "failure")]
+ARRAYS = [of.name for of in fields(Trace) if of.name not in ("world", "failures")]
 
 
 def over_time(name):
