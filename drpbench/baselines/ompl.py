@@ -72,7 +72,7 @@ class Ompl:
                 raise DrpbenchError(f"ompl: {name}={getattr(self, name):g}: expected more than 0")
         if self.replan < 0 or self.processes < 0 or self.clearance < 0:
             raise DrpbenchError("ompl: replan, processes and clearance: expected 0 or more")
-        self._processes = self.processes or os.cpu_count() or 1
+        self.cores = self.processes or os.cpu_count() or 1
         self._interpreter = self.interpreter or sys.executable
         self._server: subprocess.Popen | None = None
         self.failures: tuple[str, ...] = ()
@@ -154,7 +154,7 @@ class Ompl:
             self.time_limit,
             self.clearance,
             self.seed,
-            self._processes,
+            self.cores,
             problems,
         )
         found: list[Any] = [Lost("its process ended") for _ in problems]
