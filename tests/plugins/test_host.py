@@ -363,3 +363,29 @@ def test_a_tensor_costs_its_batch_and_never_the_run():
     ):
         with pytest.raises(Failed, match=told):
             answered(answer, 2, 7)
+
+
+class GivesUp(Blind):
+    """Says of its episodes why it gives them up."""
+
+    reasons: tuple[str, ...] = ()
+
+    def reset(self, observation):
+        super().reset(observation)
+        self.failures = self.reasons
+
+
+def test_reasons_to_give_up_cost_their_own_instances(play):
+    policy = GivesUp()
+    policy.reasons = ("planner: found no path", *[""] * (len(IDS) - 1))
+    _, found = play(hosted(policy, GivesUp))
+    assert [row.status for row in found] == ["planner: found no path", *["ok"] * (len(IDS) - 1)]
+    assert not found[0].reached and not found[0].success
+
+
+def test_reasons_of_another_number_cost_the_batch(play):
+    policy = GivesUp()
+    policy.reasons = ("no",) * (len(IDS) + 1)
+    _, found = play(hosted(policy, GivesUp))
+    said = f"failures: {len(IDS) + 1} of them for {len(IDS)} episodes"
+    assert {row.status for row in found} == {said}
