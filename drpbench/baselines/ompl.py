@@ -17,13 +17,14 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import mujoco
 import numpy as np
 
 from drpbench.compile import jit
 from drpbench.contract import EPISODE, UNSTATED, HostObservation
 from drpbench.errors import DrpbenchError, suggested
 from drpbench.geometry import Obstacles
+from drpbench.geometry.host_rotation import from_matrix
+from drpbench.planning.polyline import evenly_on_host
 from drpbench.planning.retiming import retime, step_lengths
 from drpbench.robot import PANDA, Robot
 
@@ -67,9 +68,9 @@ class Ompl:
     privileged = True
 
     def __post_init__(self) -> None:
-        for name, least in (("time_limit", 0.0), ("speed", 0.0)):
-            if not getattr(self, name) > least or not np.isfinite(getattr(self, name)):
-                raise DrpbenchError(f"ompl: {name}={getattr(self, name):g}: expected more than 0")
+        for name in ("time_limit", "speed"):
+            if not 0.0 < (value := getattr(self, name)) < np.inf:
+                raise DrpbenchError(f"ompl: {name}={value:g}: expected more than 0")
         if self.replan < 0 or self.processes < 0 or self.clearance < 0:
             raise DrpbenchError("ompl: replan, processes and clearance: expected 0 or more")
         self.cores = self.processes or os.cpu_count() or 1
@@ -198,21 +199,15 @@ def _timed(path: jax.Array, robot: Robot) -> Any:
 def evenly(path: np.ndarray, count: int, robot: Robot) -> np.ndarray:
     """The polyline (k, J) at `count` points of even steps of `step_lengths`."""
     steps = np.asarray(step_lengths(jnp.asarray(path, jnp.float32), robot), float)
-    ends = np.concatenate([[0.0], np.cumsum(steps)])
-    wanted = np.linspace(0.0, ends[-1], count)
-    return np.stack([np.interp(wanted, ends, path[:, j]) for j in range(path.shape[1])], axis=1)
+    return evenly_on_host(path, steps, count)
 
 
 def _obstacles(scenes: Any, i: int) -> Obstacles:
     """One instance's obstacles, for C MuJoCo."""
-    rotation = np.asarray(scenes.rotation[i], float)
-    quaternion = np.zeros((len(rotation), 4))
-    for one, matrix in zip(quaternion, rotation, strict=True):
-        mujoco.mju_mat2Quat(one, matrix.ravel())
     return Obstacles(
         kind=np.asarray(scenes.kind[i]),
         half_size=np.asarray(scenes.half_size[i]),
         position=np.asarray(scenes.position[i]),
-        quaternion=quaternion,
+        quaternion=np.stack([from_matrix(one) for one in np.asarray(scenes.rotation[i], float)]),
         mask=np.asarray(scenes.mask[i]),
     )

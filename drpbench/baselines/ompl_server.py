@@ -20,7 +20,7 @@ import numpy as np
 
 from drpbench.geometry import Obstacles
 from drpbench.planning.checker import Checker, sphere_checker
-from drpbench.planning.rrt_connect import COARSE, FINE, Planner
+from drpbench.planning.rrt_connect import COARSE, Planner
 from drpbench.robot import Robot
 
 from .forked import Lost, each_alone
@@ -168,7 +168,7 @@ def main() -> None:
             request: Request = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
-        margin = request.clearance + max(COARSE, FINE)
+        margin = request.clearance + COARSE
         checker = checkers.get(request.robot) or sphere_checker(margin, request.robot)
         checkers[request.robot] = checker
         function = partial(_planned, checker, request)
