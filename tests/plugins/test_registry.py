@@ -10,13 +10,16 @@ import pytest
 from drpbench.baselines import Rmp
 from drpbench.compile import jit
 from drpbench.contract import Policy
+from drpbench.plugins.host import Hosted
 from drpbench.plugins.registry import POLICIES, WRAPPERS, UnknownPolicy, make, parameters
 from drpbench.policies import DcpRmp, Hold, Straight
 from drpbench.policies.weights import WeightsError, shipped
 
 from ..scenes import boxes, observation, postures
 
-NAMES = [*POLICIES, *(f"straight+{name}" for name in WRAPPERS)]
+ON_HOST = {"ompl"}
+IN_JAX = [name for name in POLICIES if name not in ON_HOST]
+NAMES = [*IN_JAX, *(f"straight+{name}" for name in WRAPPERS)]
 
 
 def test_names_make_policies():
@@ -57,6 +60,13 @@ def test_parameters_name_every_number():
     assert found["constants.euler_steps"] == DcpRmp(Straight()).constants.euler_steps
     leaves = jax.tree.leaves(DcpRmp(Straight()))
     assert len(found) == len(leaves) + 1  # and the number of Euler steps, which is static
+
+
+@pytest.mark.parametrize("name", sorted(ON_HOST))
+def test_those_that_act_on_the_host_are_hosted(name):
+    pytest.importorskip("ompl")
+    policy = make(name)
+    assert isinstance(policy, Hosted) and isinstance(policy.privileged, bool)
 
 
 @pytest.mark.slow
