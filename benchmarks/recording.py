@@ -21,9 +21,10 @@ from drpbench.envs import TASKS, World
 from drpbench.evaluation.machine import device_name, versions
 from drpbench.plugins.registry import choose
 from drpbench.problems import load_set
-from drpbench.recording import Recorder, motion, traced
+from drpbench.recording import motion, traced
+from drpbench.recording.recorder import Recorder
 from drpbench.recording.stage import Stage
-from drpbench.recording.video import GRID_SIZE, SIZE
+from drpbench.recording.video import GRID, Shot
 from drpbench.results import Header
 from drpbench.robot import PANDA
 from drpbench.rollout import LANES, Rollout, Trace
@@ -119,12 +120,12 @@ def frame_times(
 
 
 def report_frames(trace: Trace, ids: list[int]) -> None:
-    tile = tuple(n // 4 for n in GRID_SIZE)
+    tile = tuple(n // 4 for n in GRID.size)
     print("\n| arm | pixels | frames/s | processor time a frame |\n|---|---|---|---|")
     for arm in ("solids", "meshes"):
         if arm == "meshes" and PANDA.meshes.find() is None:
             continue
-        for size in (SIZE, tile):
+        for size in (Shot().size, tile):
             clock, processor = frame_times(trace, ids, size, 40, arm == "meshes")
             pixels = f"{size[0]} x {size[1]}"
             print(f"| {arm} | {pixels} | {1 / clock:.0f} | {1e3 * processor:.0f} ms |")

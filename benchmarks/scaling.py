@@ -76,13 +76,14 @@ def draw(out: Path, batches, by_batch, counts, by_count, batch: int) -> None:
     left.set(xlabel="worlds in a batch", ylabel="a control step of one world [µs]")
     left.set_title("24 obstacles", fontsize=10)
     low, high = min(by_batch), max(by_batch)
-    ticks = [
-        t for e in range(8) for t in (10**e, 2 * 10**e, 5 * 10**e) if low / 1.6 < t < high * 1.6
-    ]
+    low, high = low / 1.15, high * 1.15
+    shares = (1, 1.5, 2, 3, 4, 5, 7) if high < 10 * low else (1, 2, 5)
+    ticks = [t for e in range(8) for share in shares if low <= (t := share * 10**e) <= high]
+    left.set_ylim(low, high)
     left.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     right.plot(counts, by_count, **style)
     right.set_xticks(counts)
-    right.set_ylim(bottom=0.0)
+    right.set_ylim(0.0, 1.1 * max(by_count))
     right.set(xlabel="obstacles", ylabel="a control step of one world [µs]")
     right.set_title(f"batch of {batch}", fontsize=10)
     for axes in (left, right):

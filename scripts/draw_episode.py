@@ -33,7 +33,7 @@ def main() -> None:
     rollout = Rollout(World(TASKS[arguments.task]), choose(arguments.policy).policy)
     trace = rollout.run(problems.take([arguments.id]))
     episode = traced(arguments.id, problems, 0, trace, 0)
-    moved, stage = motion(episode), Stage(*SIZE, episode.world.robot)
+    moved, stage = motion(episode), Stage(*SIZE, episode.world.robot, real=False)
     pictures = [stage.draw(episode, moved, step + 1) for step in arguments.steps]
     stage.close()
     # 128 colours are enough, and a quarter of the bytes.

@@ -55,7 +55,7 @@ def write(path: Path, episode: Recording) -> None:
 
 def frames(episode: Recording) -> Iterator[Image.Image]:
     """The film's frames: the camera stands nearer than the video's."""
-    moved, stage = motion(episode), Stage(*DRAWN, episode.world.robot)
+    moved, stage = motion(episode), Stage(*DRAWN, episode.world.robot, real=False)
     stage.camera.lookat[:] = (0.25, 0.0, 0.45)
     stage.camera.distance = 1.75
     for instant in range(0, LAST + 1, STRIDE):

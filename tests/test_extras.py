@@ -72,6 +72,14 @@ def test_a_run_with_the_papers_method_needs_no_package_of_an_extra():
     assert done.stdout.strip() == "False", done.stderr
 
 
+@pytest.mark.slow
+def test_environments_need_no_package_of_another_extra():
+    pytest.importorskip("gymnasium")
+    code = "import drpbench.gym, gymnasium; gymnasium.make('drpbench/SE-v1'); print('made')"
+    done = without(set(BEYOND_CORE) - FROM_FLAX - {"mink"}, code=code)
+    assert done.stdout.strip() == "made", done.stderr
+
+
 @pytest.mark.parametrize("extra", EXTRAS)
 def test_the_extra_installs_what_is_missed(extra):
     declared, core = PROJECT["optional-dependencies"], names(PROJECT["dependencies"])

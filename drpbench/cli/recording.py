@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,7 +18,8 @@ from .options import ProblemsFrom, set_of_results
 if TYPE_CHECKING:
     from drpbench.evaluation.progress import Bars
     from drpbench.problems import ProblemSet
-    from drpbench.recording import Recorder
+    from drpbench.recording.recorder import Recorder
+    from drpbench.recording.video import Shot
 
 
 def with_all(arguments: Sequence[str]) -> list[str]:
@@ -50,7 +53,7 @@ def recorder(
     """What a run shows its batches to, to have MCAP files in a folder beside `out`: of the first
     `count` of the instances wanted of each task (None: all of a task that has so many in all)."""
     require("record", "--record")
-    from drpbench.recording import Recorder
+    from drpbench.recording.recorder import Recorder
     from drpbench.results.names import recordings_folder
 
     sizes = problem_set.counts
@@ -72,6 +75,18 @@ def _say_what_it_is(path: Path) -> None:
     )
 
 
+def _shot(shown: dict[str, Any], grid: bool) -> Shot:
+    """How a video shows it, where it is not as by default."""
+    from drpbench.recording.video import GRID, Shot
+
+    if "size" in shown:
+        found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", shown["size"])
+        if not found:
+            raise InputError(f"--size {shown['size']}: expected WIDTHxHEIGHT, such as 960x720")
+        shown = shown | {"size": (int(found[1]), int(found[2]))}
+    return replace(GRID if grid else Shot(), **shown)
+
+
 def replay(
     result: Annotated[
         Path, typer.Argument(help="The result file of a run; or an MCAP file, to check it.")
@@ -88,6 +103,25 @@ def replay(
         int | None,
         typer.Option(help="Make one video of this many episodes instead, spread evenly."),
     ] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames a second of the video [default: 30, of a grid 15]")
+    ] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="How many times the true speed [default: 1]")
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(
+            help="Pixels of the video, multiples of 8 [default: 960x720, of a grid 1280x960]"
+        ),
+    ] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            help="corner (the default), front, back, left, right, top; contact: close to the first "
+            "contact; or AZIMUTH,ELEVATION,DISTANCE."
+        ),
+    ] = None,
     problems_from: ProblemsFrom = None,
 ) -> None:
     """Show an episode again, as an MCAP file for Foxglove or as a video.
@@ -101,10 +135,16 @@ def replay(
         return
     if (id is None) == (grid is None):
         raise InputError("say which episode with --id 17, or how many for one video with --grid 16")
+    wanted = {"fps": fps, "speed": speed, "size": size, "camera": camera}
+    shown = {name: value for name, value in wanted.items() if value is not None}
+    if shown and not (video or grid):
+        raise InputError(f"--{next(iter(shown))} is of a video: add --video, or --grid 16")
     from drpbench.compile import use_cache
 
     use_cache()
-    from drpbench.recording import Recorder, Replayer
+    shot = _shot(shown, grid is not None)
+    from drpbench.recording import Replayer
+    from drpbench.recording.recorder import Recorder
     from drpbench.results import load
     from drpbench.results.names import recordings_folder
 
@@ -147,11 +187,11 @@ def replay(
         episodes = [replay.episode for replay in found]
         if grid is not None:
             path = folder / f"{rows[0].task}-grid-{grid}{suffix()}"
-            film_grid(path, episodes, advanced=drew)
+            film_grid(path, episodes, shot, drew)
             wrote(path)
             return
         wrote(Recorder(folder, problem_set=problem_set).write(header, episodes[0]))
         if video:
             path = folder / f"{episodes[0].name}{suffix()}"
-            film(path, episodes[0], advanced=drew)
+            film(path, episodes[0], shot, drew)
             wrote(path)

@@ -2,6 +2,7 @@
 number."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -60,6 +61,7 @@ class Frozen:
 
 
 _MOST = 2**31  # training problems there are numbers for
+_KEPT = 8192  # training problems that a process keeps once drawn, some kB each
 
 
 class Training:
@@ -71,20 +73,22 @@ class Training:
 
     stream = 2  # no box and no point as in the benchmark
 
-    def __init__(self, world: World):
+    def __init__(self, world: World, numbers: range = range(_MOST)):
         # What draws problems is heavy to import, and of no use to who asks for the frozen ones.
         from drpbench.generation.training_problems import AT_HOME, TRAINING_STREAM, Drawer
 
         # Its scenes stand on the ground that the world's sensor knows of.
         self._world, self._drawer = world, Drawer(TRAINING_STREAM, families=AT_HOME)
+        self._numbers, self._kept = numbers, lru_cache(_KEPT)(self._unobstructed)
 
     def require(self, ids: Sequence[int]) -> None:
         for id in ids:
-            if not 0 <= id < _MOST:
-                raise ValueError(f"no training problem {id}; ids go from 0 to {_MOST - 1}")
+            if id not in self._numbers:
+                first, last = self._numbers[0], self._numbers[-1]
+                raise ValueError(f"no training problem {id}; ids go from {first} to {last}")
 
     def draw(self, rng: np.random.Generator, count: int) -> list[int]:
-        return rng.integers(_MOST, size=count).tolist()
+        return [self._numbers[n] for n in rng.integers(len(self._numbers), size=count).tolist()]
 
     def restart(self) -> None:
         pass
@@ -92,7 +96,7 @@ class Training:
     def take(self, ids: Sequence[int]) -> Problem:
         from drpbench.generation.training_problems import FAMILY_NAMES
 
-        drawn = [self._unobstructed(id) for id in ids]
+        drawn = [self._kept(id) for id in ids]
         goal = np.stack([one.goal for one in drawn])
         position, quaternion = goal_poses(self._world.robot, goal)
         task = self._world.task
@@ -119,13 +123,18 @@ SOURCES = ("frozen", "training")
 """Problems that have a name: the benchmark's, and those to learn from."""
 
 
-def source(problems: str | ProblemSet, world: World) -> Problems:
-    """Problems of a world's task by one of the SOURCES, or those of a set.
+def source(problems: str | range | ProblemSet, world: World) -> Problems:
+    """Problems of a world's task by one of the SOURCES, those of a set, or a range of the numbers
+    of training problems.
 
-    Raises ValueError for another name.
+    Raises ValueError for another name, and for a range of none or beyond those numbers.
     """
     if isinstance(problems, ProblemSet):
         return Frozen(world, problems)
+    if isinstance(problems, range):
+        if not problems or min(problems) < 0 or max(problems) >= _MOST:
+            raise ValueError(f"problems={problems!r}: expected numbers from 0 to {_MOST - 1}")
+        return Training(world, problems)
     if problems not in SOURCES:
         raise ValueError(f"problems={problems!r}: there are: {', '.join(SOURCES)}")
     return Training(world) if problems == "training" else Frozen(world, load_set())

@@ -24,7 +24,7 @@ class SingleEnv(gymnasium.Env):
         self,
         *,
         task: str,
-        problems: str | ProblemSet = "frozen",
+        problems: str | range | ProblemSet = "frozen",
         run_seed: int = 0,
         episode: Episode = EPISODE,
         reward: str = "sparse",

@@ -49,8 +49,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     Args:
         num_envs: how many problems at once.
         task: SE, SAO, FDO, GB or DGB.
-        problems: "frozen" for the benchmark's, "training" for others drawn to learn from, or a
-            ProblemSet.
+        problems: "frozen" for the benchmark's, "training" for others drawn to learn from, a range
+            of the numbers of those, which are drawn once and kept, or a ProblemSet.
         run_seed: the seed of `drpbench run`: of point clouds and of how boxes move.
         episode: how long an episode is; another one than the benchmark's is for trying things out.
         reward: "sparse", the verdict at the last step; or "dense", see above.
@@ -77,7 +77,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         num_envs: int = 1,
         *,
         task: str,
-        problems: str | ProblemSet = "frozen",
+        problems: str | range | ProblemSet = "frozen",
         run_seed: int = 0,
         episode: Episode = EPISODE,
         reward: str = "sparse",

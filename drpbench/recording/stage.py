@@ -9,6 +9,7 @@ import numpy as np
 from drpbench.geometry import BOX, CYLINDER, SHAPES, SPHERE
 from drpbench.robot import GREY, WHITE, Robot
 
+from .camera import CAMERAS, Camera
 from .episode import Recording
 from .motion import Motion
 from .offscreen import Canvas
@@ -39,7 +40,7 @@ class Stage:
         meshes = robot.meshes.find() if real and robot.meshes else None
         self.model = (_mesh_arm(robot, meshes) if meshes else _solid_arm(robot)).compile()
         self._data = mujoco.MjData(self.model)
-        self._ghosts: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self._ghosts: dict[tuple[str, Camera], tuple[np.ndarray, np.ndarray]] = {}
         bodies = [self.model.body(body).name for body in self.model.geom_bodyid]
         # Hand and fingers are one: what is rigid in one frame is drawn as one.
         self._frame_of = {link.name: link.frame for link in robot.links}
@@ -51,8 +52,7 @@ class Stage:
         self._options = mujoco.MjvOption()
         self._options.geomgroup[:] = 1
         self.camera = mujoco.MjvCamera()
-        self.camera.lookat[:] = (0.28, 0.0, 0.37)
-        self.camera.distance, self.camera.azimuth, self.camera.elevation = 1.8, 52.0, -24.0
+        self.aim(CAMERAS["corner"])
 
     def draw(
         self, episode: Recording, motion: Motion, instant: int, time: float | None = None
@@ -74,6 +74,11 @@ class Stage:
         picture[seen] = mixed.astype(np.uint8)
         return picture
 
+    def aim(self, camera: Camera) -> None:
+        """What is drawn from now on is seen from there."""
+        camera.aim(self.camera)
+        self._seen_from = camera
+
     def close(self) -> None:
         """Gives the drawing buffer back."""
         self._canvas.close()
@@ -84,11 +89,12 @@ class Stage:
         Laid over the picture it is one even layer; transparent solids would show where they
         overlap.
         """
-        if episode.name not in self._ghosts:
+        key = episode.name, self._seen_from
+        if key not in self._ghosts:
             self._show_arm(np.asarray(episode.problem.goal))
             self._paint(GHOST)
-            self._ghosts[episode.name] = self._canvas.draw(self._scene)
-        return self._ghosts[episode.name]
+            self._ghosts[key] = self._canvas.draw(self._scene)
+        return self._ghosts[key]
 
     def _show_arm(self, joints: np.ndarray) -> None:
         self._data.qpos[:] = joints

@@ -5,17 +5,55 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from .camera import CONTACT, camera
 from .episode import Recording, RecordingError
 from .motion import Motion, motion
 from .stage import Stage
 
-FRAME_STRIDE, GRID_STRIDE = 2, 4  # control steps a frame: 30 and 15 frames a second, at true speed
-SIZE = (960, 720)  # [pixels] width and height of one episode's video
-GRID_SIZE = (1280, 960)  # at most
+
+@dataclass(frozen=True)
+class Shot:
+    """How a video shows an episode.
+
+    Raises RecordingError where a value is none that can be drawn.
+    """
+
+    size: tuple[int, int] = (960, 720)
+    """[pixels] width and height."""
+    fps: float = 30.0
+    """Frames a second."""
+    speed: float = 1.0
+    """Seconds of an episode that a second of the video shows."""
+    camera: str = "corner"
+    """See `drpbench.recording.camera`."""
+
+    def __post_init__(self):
+        least, most = SIZES
+        if not all(least <= n <= most and n % 8 == 0 for n in self.size):
+            raise RecordingError(
+                f"a video of {self.size[0]}x{self.size[1]} pixels: expected multiples of 8 from "
+                f"{least} to {most}"
+            )
+        if not 1 <= self.fps <= 60:
+            raise RecordingError(f"{self.fps:g} frames a second: expected 1 to 60")
+        if not 0.05 <= self.speed <= 20:
+            raise RecordingError(f"{self.speed:g} times the true speed: expected 0.05 to 20")
+        if self.camera != CONTACT:
+            camera(self.camera)
+
+    def instants(self, count: int, period: float) -> list[int]:
+        """Which of `count` instants, `period` [s] apart, the frames show, the first to the last."""
+        stride = self.speed / (self.fps * period)
+        return [round(k * stride) for k in range(int((count - 1) / stride + 1e-9) + 1)]
+
+
+SIZES = (64, 3840)  # [pixels] least and most
+GRID = Shot((1280, 960), 15.0)
 
 _FRAME = 4  # [pixels] width of a tile's coloured frame
 _COLLIDED, _AT_GOAL, _NEITHER = (226, 32, 36), (46, 160, 67), (255, 255, 255)
@@ -29,7 +67,7 @@ def suffix() -> str:
 def film(
     path: Path,
     episode: Recording,
-    size: tuple[int, int] = SIZE,
+    shot: Shot = Shot(),
     advanced: Callable[[int, int], None] = lambda done, of: None,
 ) -> None:
     """Writes a video of one episode; the path's suffix, .mp4 or .webp, says of which kind. It is
@@ -37,8 +75,9 @@ def film(
 
     `advanced` is told of frames done. Raises RecordingError where nothing can be drawn or written.
     """
-    moved, stage = motion(episode), Stage(*size, episode.world.robot)
-    instants = range(0, episode.instants, FRAME_STRIDE)
+    moved, stage = motion(episode), Stage(*shot.size, episode.world.robot)
+    stage.aim(camera(shot.camera, moved))
+    instants = shot.instants(episode.instants, episode.world.episode.period)
 
     def frames() -> Iterator[np.ndarray]:
         for done, instant in enumerate(instants):
@@ -47,7 +86,7 @@ def film(
             advanced(done + 1, len(instants))
 
     try:
-        write_video(path, frames(), size, _rate(episode) / FRAME_STRIDE)
+        write_video(path, frames(), shot.size, shot.fps)
     finally:
         stage.close()
 
@@ -55,19 +94,20 @@ def film(
 def film_grid(
     path: Path,
     episodes: Sequence[Recording],
-    size: tuple[int, int] = GRID_SIZE,
+    shot: Shot = GRID,
     advanced: Callable[[int, int], None] = lambda done, of: None,
 ) -> None:
     """Writes one video of many episodes of one arm side by side, row by row. Each is framed: green
-    while it is at its goal, red from its first collision on. `size` is the most it may have in
-    pixels."""
+    while it is at its goal, red from its first collision on. The size is the most it may have."""
     columns = math.ceil(math.sqrt(len(episodes)))
     rows = math.ceil(len(episodes) / columns)
-    width, height = (n // columns // 8 * 8 for n in size)
+    width, height = (n // columns // 8 * 8 for n in shot.size)
     robot = episodes[0].world.robot
     stage, moved = Stage(width, height, robot), [motion(episode) for episode in episodes]
     frames_of = [_frame_colors(each) for each in moved]
-    instants = range(0, max(episode.instants for episode in episodes), GRID_STRIDE)
+    views = [camera(shot.camera, each) for each in moved]
+    longest = max(episode.instants for episode in episodes)
+    instants = shot.instants(longest, episodes[0].world.episode.period)
 
     def frames() -> Iterator[np.ndarray]:
         for done, instant in enumerate(instants):
@@ -78,20 +118,17 @@ def film_grid(
                 now = min(instant, episode.instants - 1)
                 row, column = divmod(place, columns)
                 tile = sheet[row * height :, column * width :][:height, :width]
+                if shot.camera == CONTACT:
+                    stage.aim(views[place])
                 tile[:] = _framed(stage.draw(episode, seen, now), colors[now])
             yield sheet
             advanced(done + 1, len(instants))
 
+    stage.aim(views[0])
     try:
-        pixels = columns * width, rows * height
-        write_video(path, frames(), pixels, _rate(episodes[0]) / GRID_STRIDE)
+        write_video(path, frames(), (columns * width, rows * height), shot.fps)
     finally:
         stage.close()
-
-
-def _rate(episode: Recording) -> int:
-    """Control steps a second."""
-    return round(1 / episode.world.episode.period)
 
 
 def _framed(picture: np.ndarray, color: Sequence[int] | np.ndarray) -> np.ndarray:

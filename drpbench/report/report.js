@@ -113,21 +113,28 @@ function drawBars(parent) {
     }
     const bar = 15, label = 19, gap = 8;
     const height = lines.reduce((sum, [, bars]) => sum + label + bars.length * bar + gap, 0);
-    const width = card.clientWidth - 26, room = width - 118;
+    const longest = Math.max(...cells.map(cell => policies[cell.policy].name.length));
+    const letters = Math.min(longest, 16), left = 6.6 * letters + 6;
+    const width = card.clientWidth - 26, room = Math.max(40, width - 108 - left);
     const title = `Success on ${tasks[index]} by scene family; the figures are in the table below`;
     const svg = build(card, "svg", { width, height, role: "img", "aria-label": title });
     let y = 0;
     for (const [name, bars] of lines) {
-      build(svg, "text", { x: 0, y: y + 13 }, name);
+      build(svg, "text", { class: "head", x: 0, y: y + 13 }, name);
       y += label;
       for (const [policy, k, n, low, high] of bars) {
-        build(svg, "rect", { class: "track", x: 0, y, width: room, height: bar - 3 });
+        const whole = policies[policy].name;
+        const short = whole.length > letters ? `${whole.slice(0, letters - 1)}…` : whole;
+        const named = build(svg, "text", { class: "named", x: 0, y: y + bar - 5 }, short);
+        build(named, "title", {}, whole);
+        build(svg, "rect", { class: "track", x: left, y, width: room, height: bar - 3 });
         const solid = build(svg, "rect",
-          { class: fill(policy), x: 0, y, width: room * k / n, height: bar - 3 });
-        build(solid, "title", {}, `${policies[policy].name}: ${k}/${n}`);
-        const middle = y + (bar - 3) / 2, d = `M${room * low} ${middle}H${room * high}`;
+          { class: fill(policy), x: left, y, width: room * k / n, height: bar - 3 });
+        build(solid, "title", {}, `${whole}: ${k}/${n}`);
+        const middle = y + (bar - 3) / 2;
+        const d = `M${left + room * low} ${middle}H${left + room * high}`;
         for (const kind of ["halo", "whisker"]) build(svg, "path", { class: kind, d });
-        build(svg, "text", { class: "faint", x: room + 6, y: y + bar - 4 },
+        build(svg, "text", { class: "faint", x: left + room + 6, y: y + bar - 4 },
           `${percent(k / n)} (${k}/${n})`);
         y += bar;
       }

@@ -11,7 +11,7 @@ import viser
 
 from drpbench.geometry import BOX, matrix_to_quaternion
 from drpbench.recording.mcap_file import MODIFIED
-from drpbench.recording.stage import CONTACT, FURNITURE, GHOST, MOVER, TABLE
+from drpbench.recording.stage import CONTACT, FURNITURE, GHOST, MOVER
 from drpbench.robot import Robot
 
 from .furniture import Furniture
@@ -19,7 +19,8 @@ from .moment import Frames, Moment
 from .solids import Mesh, links, solid
 
 _ADDED = (0.16, 0.62, 0.60)
-_POINT, _BOX_POINT = (0.30, 0.34, 0.41), (0.08, 0.20, 0.55)
+_GROUND = (0.50, 0.52, 0.55)  # dark enough for a white arm to stand out, under this room's light
+_POINT, _BOX_POINT = (0.16, 0.19, 0.26), (0.08, 0.20, 0.55)
 _TARGET = np.array(
     [0.30, -0.10, 0.36]
 )  # [m] what the camera looks at, from behind the arm as in videos
@@ -180,7 +181,7 @@ class Drawing:
         quaternion = np.asarray(matrix_to_quaternion(jnp.asarray(furniture.rotation)))
         for k in np.flatnonzero(furniture.present):
             added = int(k) in furniture.added
-            color = _ADDED if added else FURNITURE if movable[k] else TABLE
+            color = _ADDED if added else FURNITURE if movable[k] else _GROUND
             handle = self._mesh(
                 f"/furniture/{k}",
                 solid(furniture.kind[k], furniture.half_size[k]),

@@ -8,8 +8,9 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from scipy.spatial.transform import Rotation
 
-from drpbench.recording import Recorder, RecordingError, motion
+from drpbench.recording import RecordingError, motion
 from drpbench.recording.episode import nanoseconds
+from drpbench.recording.recorder import Recorder
 from drpbench.robot import PANDA
 
 

@@ -10,7 +10,7 @@ import time
 import pytest
 from mcap.reader import make_reader
 
-from drpbench.recording import Recorder
+from drpbench.recording.recorder import Recorder
 from drpbench.results import load, save
 
 pytestmark = pytest.mark.slow

@@ -408,6 +408,8 @@ def test_a_browser_draws_sorts_and_filters_without_complaint(browser, tmp_path):
     opened(browser, tmp_path / "report.html", some_results(), EXPECTED)
     js = browser.js
     assert js("document.querySelectorAll('#bars .card svg').length") == 2
+    named = js("[...document.querySelectorAll('#bars svg .named title')].map(t => t.textContent)")
+    assert set(named) == {HOSTILE, "good"}  # no bar is told by its colour alone
     assert js("document.querySelectorAll('#times .line, #errors .line').length") == 4
     assert js("document.querySelectorAll('#clearances svg').length") == 2
 
