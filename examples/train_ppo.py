@@ -2,8 +2,8 @@
 
 The network adds to the velocity of `straight`, which knows the goal and sees nothing, what it takes
 to get round the boxes. It sees the arm, the goal, and for some points on the arm the nearest scene
-point and the nearest one that moves. It decides every fourth control step. Needs `pip install
-'drpbench[sb3]'`.
+point and the nearest one that moves. It decides every sixth control step, and only where something
+moves near the arm. Nearness costs, beside the dense reward. Needs `pip install 'drpbench[sb3]'`.
 
 python examples/train_ppo.py --steps 2_000_000 --out ppo.zip
 drpbench run --task FDO --problems 64 --policy examples.train_ppo:Trained --policy-arg path=ppo.zip
@@ -22,7 +22,9 @@ from drpbench.compile import use_cache
 from drpbench.gym.stable_baselines import StableBaselinesVecEnv
 from drpbench.robot import PANDA
 
-REPEAT = 4  # control steps a decision
+REPEAT = 6  # control steps a decision
+EPISODE = -(-1000 // REPEAT)  # decisions; the last one is cut short
+NEAR, NEAR_COST = 0.12, 0.02  # [m] of clearance from which nearness costs; most it costs, a step
 REACH = 0.3  # [m] what is farther from the arm than this is not seen
 EVERY = 16  # one of so many of the arm's 256 points looks around
 SPEED = 0.5  # share of the velocity limits at which `straight` drives
@@ -41,8 +43,8 @@ def straight(observation):
 
 def look(arm, points, there, before):
     """For each of the arm's points (B, P, 3): the offset of the nearest scene point (B, P, 3), of
-    the nearest one that moved since `before`, and that one's step [m]; zeros where none is within
-    REACH."""
+    the nearest one that moved since `before`, and that one's step [m], zeros where none is within
+    REACH; and whether any point has one that moved (B, 1)."""
     step = points - before
     moves = there & (np.abs(step).max(-1) > 1e-4)
     # |a - p|^2 without |a|^2, which makes no point nearer than another
@@ -54,12 +56,14 @@ def look(arm, points, there, before):
         near = np.take_along_axis(which, nearest[..., 0], 1)
         near &= np.linalg.norm(offset, axis=-1) < REACH
         seen.append(np.where(near[..., None], offset / REACH, 0.0))
-    swift = np.take_along_axis(step, nearest, 1) * 20.0
-    return np.concatenate([*seen, np.where(near[..., None], swift, 0.0)], -1)
+    swift = np.take_along_axis(step, nearest, 1) * 10.0
+    around = np.concatenate([*seen, np.where(near[..., None], swift, 0.0)], -1)
+    return around, near.any(-1, keepdims=True)
 
 
 class Eyes:
-    """What the network sees (B, F) of observations that follow one another."""
+    """What the network sees (B, F) of observations that follow one another, and where something
+    moves near the arm, `threatened` (B, 1)."""
 
     size = 3 * 7 + 256 // EVERY * 9
 
@@ -69,7 +73,7 @@ class Eyes:
     def see(self, observation):
         points, there = observation["scene_points"], observation["scene_mask"]
         arm = observation["robot_points"][:, ::EVERY]
-        around = look(arm, points, there, self._before)
+        around, self.threatened = look(arm, points, there, self._before)
         self._before = points
         joints = (observation["joint_position"] - MIDDLE) / HALF
         away = (observation["goal_joints"] - observation["joint_position"]) / HALF
@@ -94,10 +98,13 @@ class Decisions(gymnasium.vector.VectorWrapper):
 
     def step(self, actions):
         total = np.zeros(self.num_envs)
+        added = np.where(self._eyes.threatened, actions, 0.0)
         for _ in range(REPEAT):
-            wanted = np.clip(straight(self._seen) + actions, -1.0, 1.0)
+            wanted = np.clip(straight(self._seen) + added, -1.0, 1.0)
             self._seen, reward, terminated, truncated, info = self.env.step(wanted)
-            total += reward
+            total += reward - NEAR_COST * np.maximum(1.0 - info["clearance"] / NEAR, 0.0)
+            if truncated.any():
+                break
         if truncated.any():  # the next episodes have begun
             ended = {name: np.stack([of[name] for of in info["final_obs"]]) for name in self._seen}
             info["final_obs"][:] = list(self._eyes.see(ended))
@@ -119,7 +126,8 @@ class Trained:
         """Absolute joint targets (B, 7) [rad]."""
         seen = vars(observation)
         if self._steps % REPEAT == 0:
-            self._added, _ = self._network.predict(self._eyes.see(seen), deterministic=True)
+            added, _ = self._network.predict(self._eyes.see(seen), deterministic=True)
+            self._added = np.where(self._eyes.threatened, added, 0.0)
         self._steps += 1
         wanted = np.clip(straight(seen) + self._added, -1.0, 1.0)
         return observation.joint_position + wanted * AHEAD
@@ -147,18 +155,18 @@ def main():
     network = PPO(
         "MlpPolicy",
         lanes,
-        n_steps=250,  # an episode
-        batch_size=min(2000, 250 * chosen.lanes),
-        n_epochs=6,
-        learning_rate=3e-4,
+        n_steps=EPISODE,
+        batch_size=min(2000, EPISODE * chosen.lanes),
+        n_epochs=10,
+        learning_rate=5e-4,
         gamma=0.99,
-        policy_kwargs={"net_arch": [128, 128], "log_std_init": -1.5},
+        policy_kwargs={"net_arch": [128, 128], "log_std_init": -1.0},
         device="cpu",
         seed=0,
     )
     network.set_logger(configure(None, ["stdout"]))
     while network.num_timesteps < chosen.steps:
-        network.learn(250 * chosen.lanes, reset_num_timesteps=False)
+        network.learn(EPISODE * chosen.lanes, reset_num_timesteps=False)
         network.save(chosen.out)
 
 

@@ -1,5 +1,9 @@
 """Shapes and types are checked at run time in every test."""
 
+import os
+import shutil
+import tempfile
+
 import numpy as np
 import pytest
 from jaxtyping import install_import_hook
@@ -24,6 +28,20 @@ install_import_hook(
 
 # Each of these fixtures compiles a rollout or draws problems with a planner.
 SLOW_FIXTURES = {"compiled", "drawn", "figures", "finished", "rolled", "training"}
+
+
+def pytest_configure(config):
+    """Programs compiled once serve all of a session's processes: its workers, and what they run."""
+    if not hasattr(config, "workerinput") and "DRPBENCH_CACHE" not in os.environ:
+        config.compiled = os.environ["DRPBENCH_CACHE"] = tempfile.mkdtemp(prefix="drpbench-tests-")
+    from drpbench.compile import use_cache
+
+    use_cache()
+
+
+def pytest_unconfigure(config):
+    if folder := getattr(config, "compiled", None):
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def pytest_collection_modifyitems(items):

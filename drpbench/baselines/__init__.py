@@ -1,5 +1,6 @@
 """Policies to compare with."""
 
+from .mppi import Mppi as Mppi
 from .ompl import Ompl as Ompl
 from .rmp import Rmp as Rmp
 from .trajopt import TrajOpt as TrajOpt

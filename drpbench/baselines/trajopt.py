@@ -8,9 +8,7 @@ where the goal itself is taken. It knows no motion: obstacles are taken to stay 
 the manner of cuRobo (Sundaralingam et al., 2023), which it is not.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -23,6 +21,8 @@ from drpbench.planning.expert import PlannerSettings, plan
 from drpbench.planning.polyline import between
 from drpbench.planning.retiming import retime
 from drpbench.robot import PANDA, Robot
+
+from .replanning import planned_where
 
 FIRST = PlannerSettings(iterations=30, vias=11, stop_short=True)
 AGAIN = PlannerSettings(iterations=15, vias=5, stop_short=True)
@@ -91,7 +91,7 @@ class TrajOpt:
     ) -> tuple[Float[Array, " J"], Following]:
         if self.replan:
             looks = (carry.clock % self.replan == 0) & (carry.clock > 0)
-            carry = _where(
+            carry = planned_where(
                 looks & self._spoilt(observation, carry), self._again, observation, carry
             )
         ahead = carry.since + self.robot.servo_lag
@@ -140,45 +140,6 @@ class TrajOpt:
         room = jax.vmap(lambda q: jnp.min(gaps(q, _models(observation), self.robot).obstacle))(ends)
         least = jnp.minimum(self.room, 0.7 * jnp.maximum(carry.room, 0.0))
         return (jnp.min(room[:-1]) < least) | (~carry.reached & (room[-1] > 0.0))
-
-
-def _where(wanted: Any, new: Any, observation: Observation, old: Following) -> Following:
-    """`new(observation, old)` where it is wanted, else `old`; of a batch nothing is computed unless
-    some lane wants it."""
-    # As leaves: what says which of them are batched is no observation, nor a plan.
-    seen, seen_form = jax.tree.flatten(observation)
-    before, form = jax.tree.flatten(old)
-    count_seen = len(seen)
-
-    def again(leaves: Sequence[Array]) -> tuple[Array, ...]:
-        seen, before = leaves[:count_seen], leaves[count_seen:]
-        found = new(jax.tree.unflatten(seen_form, seen), jax.tree.unflatten(form, before))
-        return tuple(jax.tree.leaves(found))
-
-    @jax.custom_batching.custom_vmap
-    def chosen(wanted: Array, *leaves: Array) -> tuple[Array, ...]:
-        kept = tuple(leaves[count_seen:])
-        return jax.lax.cond(wanted, again, lambda _: kept, leaves)
-
-    @chosen.def_vmap
-    def _(
-        count: int, batched: Sequence, wanted: Array, *leaves: Array
-    ) -> tuple[tuple[Array, ...], tuple[bool, ...]]:
-        wanted, *whole = (
-            leaf if is_batched else jnp.broadcast_to(leaf, (count, *jnp.shape(leaf)))
-            for leaf, is_batched in zip((wanted, *leaves), batched, strict=True)
-        )
-        kept = tuple(whole[count_seen:])
-
-        def some(leaves: Sequence[Array]) -> tuple[Array, ...]:
-            pairs = zip(jax.vmap(again)(leaves), kept, strict=True)
-            lanes = (wanted.reshape(-1, *[1] * (a.ndim - 1)) for a in kept)
-            return tuple(jnp.where(lane, a, b) for lane, (a, b) in zip(lanes, pairs, strict=True))
-
-        found = jax.lax.cond(jnp.any(wanted), some, lambda _: kept, whole)
-        return found, (True,) * len(kept)
-
-    return jax.tree.unflatten(form, chosen(wanted, *seen, *before))
 
 
 def _models(observation: Observation) -> Primitives:

@@ -65,7 +65,8 @@ _KEPT = 8192  # training problems that a process keeps once drawn, some kB each
 
 
 class Training:
-    """Problems to learn from, drawn on the host from the stream of `drpbench data`.
+    """Problems to learn from, drawn on the host from the stream of `drpbench data`, of the scene
+    families that the benchmark's problems of the task have.
 
     Those with a box on their goal are passed over for the next number that has none. Where they
     begin, and on which level, the task says (`Task.starts_at_goal`, `Task.training_level`).
@@ -75,10 +76,10 @@ class Training:
 
     def __init__(self, world: World, numbers: range = range(_MOST)):
         # What draws problems is heavy to import, and of no use to who asks for the frozen ones.
-        from drpbench.generation.training_problems import AT_HOME, TRAINING_STREAM, Drawer
+        from drpbench.generation.training_problems import TRAINING_STREAM, Drawer
 
-        # Its scenes stand on the ground that the world's sensor knows of.
-        self._world, self._drawer = world, Drawer(TRAINING_STREAM, families=AT_HOME)
+        families = sorted(set(load_set().task(world.task.name).family))
+        self._world, self._drawer = world, Drawer(TRAINING_STREAM, families=families)
         self._numbers, self._kept = numbers, lru_cache(_KEPT)(self._unobstructed)
 
     def require(self, ids: Sequence[int]) -> None:

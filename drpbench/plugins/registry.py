@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
-from drpbench.baselines import Ompl, Rmp, TrajOpt
+from drpbench.baselines import Mppi, Ompl, Rmp, TrajOpt
 from drpbench.contract import (
     EPISODE,
     OF_THE_WORLD,
@@ -71,6 +71,11 @@ POLICIES: dict[str, tuple[Callable[..., Any], str]] = {
     "impact": (_impact, "the transformer policy alone, with the best weights there are"),
     "impact-pretrained": (_pretrained, "the same before it learned from corrections"),
     "rmp": (Rmp, "Riemannian motion policies from the point cloud alone"),
+    "mppi": (Mppi, "sampling-based model-predictive control, from the point cloud"),
+    "mppi-privileged": (
+        partial(Mppi, privileged=True),
+        "sampling-based model-predictive control on the obstacle models (privileged)",
+    ),
     "trajopt": (TrajOpt, "plans with a trajectory optimiser on the obstacle models (privileged)"),
     "ompl": (
         Ompl,

@@ -216,7 +216,6 @@ def test_other_software_is_named(fdo, again):
     [(lambda fdo: fdo, "x.json", 0), (invented, "x.json", 1), (invented, "x.json.gz", 1)],
 )
 def test_the_exit_code_is_the_verdict(fdo, again, make, name, code, monkeypatch, capsys, tmp_path):
-    monkeypatch.setenv("DRPBENCH_CACHE", "off")
     again(fdo)
     save(make(fdo), tmp_path / name)
     monkeypatch.setattr(sys, "argv", ["drpbench", "verify", str(tmp_path / name)])

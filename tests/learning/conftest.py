@@ -4,23 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.experimental.compilation_cache import compilation_cache
 
 from drpbench.geometry import stacked
 from drpbench.learning.demonstrations import Demonstrations
 from drpbench.robot import PANDA
-
-
-@pytest.fixture(scope="session", autouse=True)
-def programs_are_compiled_once(tmp_path_factory):
-    """Every training compiles its program anew; most of them are the same."""
-    before = jax.config.jax_compilation_cache_dir
-    jax.config.update("jax_compilation_cache_dir", str(tmp_path_factory.mktemp("programs")))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 1.0)
-    compilation_cache.reset_cache()
-    yield
-    jax.config.update("jax_compilation_cache_dir", before)
-    compilation_cache.reset_cache()
 
 
 @pytest.fixture(scope="session")

@@ -33,7 +33,6 @@ def folder(tmp_path_factory, demonstrations):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.syspath_prepend(str(folder))
-        patch.setenv("DRPBENCH_CACHE", "off")
         yield folder
     sys.modules.pop("reacher", None)
 

@@ -36,7 +36,6 @@ def test_a_count_is_a_number_above_zero():
 def _drpbench(monkeypatch, capsys, *arguments):
     """Exit code, and what stood on stderr."""
     monkeypatch.setattr(sys, "argv", ["drpbench", *map(str, arguments)])
-    monkeypatch.setenv("DRPBENCH_CACHE", "off")
     with pytest.raises(SystemExit) as exit:
         cli.main()
     return exit.value.code, capsys.readouterr().err

@@ -35,7 +35,7 @@ def joint_states(path):
 @pytest.fixture
 def drpbench(tmp_path):
     """A recorded run of `hold` in a process of its own: the process."""
-    environment = {**os.environ, "DRPBENCH_CACHE": str(tmp_path / "cache"), "JAX_PLATFORMS": "cpu"}
+    environment = {**os.environ, "JAX_PLATFORMS": "cpu"}
     processes = []
 
     def start(*more):

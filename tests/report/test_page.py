@@ -374,7 +374,6 @@ def test_the_command_draws_what_was_saved_and_says_why_it_cannot(stored, tmp_pat
     def drawn():
         return page.read_text().count("data:image/webp")
 
-    monkeypatch.setenv("DRPBENCH_CACHE", "off")
     assert report().exit_code == 0 and drawn() == failures > 0
     assert report("--thumbnails", "0").exit_code == 0 and drawn() == 0
     assert "must not be negative" in str(report("--thumbnails", "-1").exception)
