@@ -3,7 +3,8 @@
 The network adds to the velocity of `straight`, which knows the goal and sees nothing, what it takes
 to get round the boxes. It sees the arm, the goal, and for some points on the arm the nearest scene
 point and the nearest one that moves. It decides every sixth control step, and only where something
-moves near the arm. Nearness costs, beside the dense reward. Needs `pip install 'drpbench[sb3]'`.
+moves near the arm. Nearness to it costs, beside the dense reward. Needs `pip install
+'drpbench[sb3]'`.
 
 python examples/train_ppo.py --steps 2_000_000 --out ppo.zip
 drpbench run --task FDO --problems 64 --policy examples.train_ppo:Trained --policy-arg path=ppo.zip
@@ -24,7 +25,7 @@ from drpbench.robot import PANDA
 
 REPEAT = 6  # control steps a decision
 EPISODE = -(-1000 // REPEAT)  # decisions; the last one is cut short
-NEAR, NEAR_COST = 0.12, 0.02  # [m] of clearance from which nearness costs; most it costs, a step
+NEAR_COST = 0.1  # a decision, of what moves and touches; falls to none at REACH
 REACH = 0.3  # [m] what is farther from the arm than this is not seen
 EVERY = 16  # one of so many of the arm's 256 points looks around
 SPEED = 0.5  # share of the velocity limits at which `straight` drives
@@ -44,7 +45,7 @@ def straight(observation):
 def look(arm, points, there, before):
     """For each of the arm's points (B, P, 3): the offset of the nearest scene point (B, P, 3), of
     the nearest one that moved since `before`, and that one's step [m], zeros where none is within
-    REACH; and whether any point has one that moved (B, 1)."""
+    REACH; and the distance of the nearest one that moved (B,)."""
     step = points - before
     moves = there & (np.abs(step).max(-1) > 1e-4)
     # |a - p|^2 without |a|^2, which makes no point nearer than another
@@ -53,17 +54,18 @@ def look(arm, points, there, before):
     for which in (there, moves):
         nearest = np.where(which[:, None], far, np.inf).argmin(-1)[..., None]
         offset = np.take_along_axis(points, nearest, 1) - arm
-        near = np.take_along_axis(which, nearest[..., 0], 1)
-        near &= np.linalg.norm(offset, axis=-1) < REACH
+        away = np.linalg.norm(offset, axis=-1)
+        away[~np.take_along_axis(which, nearest[..., 0], 1)] = np.inf
+        near = away < REACH
         seen.append(np.where(near[..., None], offset / REACH, 0.0))
     swift = np.take_along_axis(step, nearest, 1) * 10.0
     around = np.concatenate([*seen, np.where(near[..., None], swift, 0.0)], -1)
-    return around, near.any(-1, keepdims=True)
+    return around, away.min(-1)
 
 
 class Eyes:
-    """What the network sees (B, F) of observations that follow one another, and where something
-    moves near the arm, `threatened` (B, 1)."""
+    """What the network sees (B, F) of observations that follow one another; where something moves
+    near the arm, `threatened` (B, 1); and how near it is, `danger` (B,)."""
 
     size = 3 * 7 + 256 // EVERY * 9
 
@@ -73,8 +75,10 @@ class Eyes:
     def see(self, observation):
         points, there = observation["scene_points"], observation["scene_mask"]
         arm = observation["robot_points"][:, ::EVERY]
-        around, self.threatened = look(arm, points, there, self._before)
+        around, away = look(arm, points, there, self._before)
         self._before = points
+        self.danger = np.maximum(1.0 - away / REACH, 0.0)
+        self.threatened = self.danger[:, None] > 0.0
         joints = (observation["joint_position"] - MIDDLE) / HALF
         away = (observation["goal_joints"] - observation["joint_position"]) / HALF
         moving = observation["joint_velocity"] / np.float32(PANDA.velocity_limit)
@@ -102,14 +106,15 @@ class Decisions(gymnasium.vector.VectorWrapper):
         for _ in range(REPEAT):
             wanted = np.clip(straight(self._seen) + added, -1.0, 1.0)
             self._seen, reward, terminated, truncated, info = self.env.step(wanted)
-            total += reward - NEAR_COST * np.maximum(1.0 - info["clearance"] / NEAR, 0.0)
+            total += reward
             if truncated.any():
                 break
         if truncated.any():  # the next episodes have begun
             ended = {name: np.stack([of[name] for of in info["final_obs"]]) for name in self._seen}
             info["final_obs"][:] = list(self._eyes.see(ended))
             self._eyes = Eyes(self._seen)
-        return self._eyes.see(self._seen), total, terminated, truncated, info
+        seen = self._eyes.see(self._seen)
+        return seen, total - NEAR_COST * self._eyes.danger**2, terminated, truncated, info
 
 
 class Trained:
@@ -156,11 +161,11 @@ def main():
         "MlpPolicy",
         lanes,
         n_steps=EPISODE,
-        batch_size=min(2000, EPISODE * chosen.lanes),
+        batch_size=256,
         n_epochs=10,
-        learning_rate=5e-4,
+        learning_rate=3e-4,
         gamma=0.99,
-        policy_kwargs={"net_arch": [128, 128], "log_std_init": -1.0},
+        policy_kwargs={"net_arch": [128, 128], "log_std_init": -0.3},
         device="cpu",
         seed=0,
     )
