@@ -22,7 +22,7 @@ from dataclasses import dataclass, field, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int, Key, PRNGKeyArray
 
 from drpbench.contract import EPISODE, Observation, Scalar
 from drpbench.geometry import Primitives
@@ -51,7 +51,7 @@ class Plan:
     there: Bool[Array, "*batch N"]
     moved: Bool[Array, "*batch N"]
     """Whether it moved or appeared since the start."""
-    key: PRNGKeyArray
+    key: Key[Array, "*batch"]
 
 
 @jax.tree_util.register_dataclass
