@@ -14,7 +14,7 @@ MODULES = sorted(
     if not found.name.endswith("__main__")
 )
 # What an extra brings, and what of the package needs it.
-EXTRAS = {"gymnasium": "drpbench.gym", "viser": "drpbench.viewer"}
+EXTRAS = {"gymnasium", "stable_baselines3": "drpbench.gym", "viser": "drpbench.viewer"}
 
 
 def told(code: str) -> dict:

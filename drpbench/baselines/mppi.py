@@ -273,9 +273,9 @@ class Mppi:
             _, index = jax.lax.top_k(-jnp.where(which, apart, _UNSEEN), min(count, len(apart)))
             return jnp.where(which[index, None], places[index], _UNSEEN), velocity[index]
 
-        standing, _ = nearest(there & ~before.moved, self.points)
-        moving, speed = nearest(there & before.moved, self.points // 2)
-        return _Points(standing, moving, speed, self.point_radius)
+        still, _ = nearest(there & ~before.moved, self.points)
+        swift, speed = nearest(there & before.moved, self.points // 2)
+        return _Points(still, swift, speed, self.point_radius)
 
 
 @dataclass(frozen=True)
