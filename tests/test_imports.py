@@ -14,7 +14,11 @@ MODULES = sorted(
     if not found.name.endswith("__main__")
 )
 # What an extra brings, and what of the package needs it.
-EXTRAS = {"gymnasium", "stable_baselines3": "drpbench.gym", "viser": "drpbench.viewer"}
+EXTRAS = {
+    "gymnasium": "drpbench.gym",
+    "stable_baselines3": "drpbench.gym.stable_baselines",
+    "viser": "drpbench.viewer",
+}
 
 
 def told(code: str) -> dict:
