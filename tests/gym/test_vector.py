@@ -220,7 +220,7 @@ def test_wrong_actions_are_named(envs):
 
 
 def test_the_snippet_of_the_documentation_runs(capsys):
-    names = snippet("make_vec")
+    names = snippet("envs.reset(seed=0)")
     assert names["info"]["id"].shape == (LANES,) and not names["truncated"].any()
     assert capsys.readouterr().out
 
