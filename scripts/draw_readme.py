@@ -5,6 +5,7 @@ python scripts/draw_readme.py [--task DGB] [--id 61] [--policy drp] [--out docs/
 
 import argparse
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
@@ -14,6 +15,7 @@ from drpbench.envs import TASKS, World
 from drpbench.plugins.registry import choose
 from drpbench.problems import load_set
 from drpbench.recording import Recording, motion, traced
+from drpbench.recording.camera import CAMERAS
 from drpbench.recording.stage import Stage
 from drpbench.rollout import Rollout
 
@@ -56,8 +58,7 @@ def write(path: Path, episode: Recording) -> None:
 def frames(episode: Recording) -> Iterator[Image.Image]:
     """The film's frames: the camera stands nearer than the video's."""
     moved, stage = motion(episode), Stage(*DRAWN, episode.world.robot, real=False)
-    stage.camera.lookat[:] = (0.25, 0.0, 0.45)
-    stage.camera.distance = 1.75
+    stage.aim(replace(CAMERAS["corner"], distance=1.75, at=(0.25, 0.0, 0.45)))
     for instant in range(0, LAST + 1, STRIDE):
         picture = Image.fromarray(stage.draw(episode, moved, instant)[CAPTION:])
         yield picture.resize(SIZE, Image.Resampling.LANCZOS)

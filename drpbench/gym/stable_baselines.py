@@ -75,8 +75,6 @@ class StableBaselinesVecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """The environment's attribute, once for each lane asked for."""
-        if attr_name == "render_mode":
-            return [self.envs.render_mode for _ in self._get_indices(indices)]
         value = getattr(self.envs, attr_name)
         return [value for _ in self._get_indices(indices)]
 

@@ -118,13 +118,11 @@ def film_grid(
                 now = min(instant, episode.instants - 1)
                 row, column = divmod(place, columns)
                 tile = sheet[row * height :, column * width :][:height, :width]
-                if shot.camera == CONTACT:
-                    stage.aim(views[place])
+                stage.aim(views[place])
                 tile[:] = _framed(stage.draw(episode, seen, now), colors[now])
             yield sheet
             advanced(done + 1, len(instants))
 
-    stage.aim(views[0])
     try:
         write_video(path, frames(), (columns * width, rows * height), shot.fps)
     finally:

@@ -75,14 +75,19 @@ def driven(request):
 
 def _room(way, places, there):
     """[m] smallest clearance of the arm on its way."""
-    clearance = jit(jax.vmap(lambda q, box: gaps(q, box).obstacle.min()))
-    found = [
-        float(clearance(jnp.asarray(way[k])[None], jax.tree.map(lambda a: a[None], box))[0])
-        for k in range(0, len(way), 6)
-        if there[k]
-        for box in [boxes((tuple(places[k]), SIZE))]
-    ]
-    return min(found)
+    shown = [k for k in range(0, len(way), 6) if there[k]]
+    return float(_clearances(jnp.asarray(way[shown]), jnp.asarray(places[shown])).min())
+
+
+@jit
+def _clearances(way, places):
+    model = jax.tree.map(jnp.asarray, boxes(((0.0, 0.0, 0.0), SIZE)))
+
+    def one(q, place):
+        box = replace(model, position=model.position.at[0].set(place))
+        return gaps(q, box).obstacle.min()
+
+    return jax.vmap(one)(way, places)
 
 
 def test_they_are_policies():
