@@ -67,10 +67,9 @@ def opened(browser, page):
 
 
 def press(browser, label):
-    browser.js(
-        "[...document.querySelectorAll('button')]"
-        f".find(b => b.textContent.trim() == {label!r}).click()"
-    )
+    """Clicks the button, once the page has drawn it."""
+    found = f"[...document.querySelectorAll('button')].find(b => b.textContent.trim() == {label!r})"
+    until(lambda: browser.js(f"(b => b ? (b.click(), true) : false)({found})"), f"button {label}")
 
 
 def says(browser, text):
