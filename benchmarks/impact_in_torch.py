@@ -10,7 +10,8 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 
-from drpbench.policies.networks.impact import ROBOT_POINTS, SCENE_POINTS, ImpactSize
+from drpbench.contract import ROBOT_POINTS, SCENE_POINTS
+from drpbench.policies.networks.impact import ImpactSize
 from drpbench.robot import PANDA
 
 MIDDLE = torch.tensor(0.5 * (PANDA.joint_upper + PANDA.joint_lower), dtype=torch.float32)

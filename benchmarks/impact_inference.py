@@ -19,8 +19,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from drpbench.contract import ROBOT_POINTS, SCENE_POINTS
 from drpbench.evaluation.machine import device_name
-from drpbench.policies.networks.impact import ROBOT_POINTS, SCENE_POINTS, SIZES, apply, initial
+from drpbench.policies.networks.impact import SIZES, apply, initial
 from drpbench.robot import PANDA
 
 

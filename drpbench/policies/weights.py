@@ -24,10 +24,11 @@ from drpbench.errors import DrpbenchError
 from drpbench.robot import PANDA, Robot
 
 from .networks.impact_format import ImpactFormat
+from .networks.lstm_gmm_format import LstmGmmFormat
 from .networks.network import Network
 
 FOLDER = Path(__file__).parent / "weights"
-NETWORKS: dict[str, type[Network]] = {"impact": ImpactFormat}
+NETWORKS: dict[str, type[Network]] = {"impact": ImpactFormat, "neuralmp": LstmGmmFormat}
 """Networks whose files are known without being named."""
 STORAGE = ("float32", "float16")
 FACTS = ("data", "steps", "hardware", "scores", "licence")

@@ -100,7 +100,11 @@ def test_its_weights_are_a_policy(trained):
         ("reacher:Reacher:absent.safetensors", WeightsError, "no such file"),
         ("reacher:Nothing:run/weights.safetensors", PolicyError, "classes: Reacher"),
         ("reacher:ReacherPolicy:run/weights.safetensors", PolicyError, "subclass of .*Learner"),
-        ("nothing:run/weights.safetensors", PolicyError, "no network 'nothing'; there are: impact"),
+        (
+            "nothing:run/weights.safetensors",
+            PolicyError,
+            "no network 'nothing'; there are: impact, neuralmp",
+        ),
     ],
 )
 def test_weights_of_another_network_are_refused(trained, name, error, wrong):
@@ -117,7 +121,7 @@ def test_weights_take_no_argument(trained):
 @pytest.mark.parametrize(
     ("name", "size", "wrong"),
     [
-        ("nothing", None, "no network 'nothing'; there are: impact, and yours as"),
+        ("nothing", None, "no network 'nothing'; there are: impact, neuralmp, and yours as"),
         ("impact", "huge", "no size 'huge'; there are: full, small"),
         ("reacher:Reacher", "huge", "no size 'huge'; there are: default"),
         ("reacher:ReacherPolicy", None, "subclass of .*Learner"),

@@ -214,7 +214,7 @@ def test_a_network_of_another_kind_comes_back_whole(tmp_path):
     assert found.weights == digest == weights.checksum(path)
     jax.tree.map(np.testing.assert_array_equal, found.parameters, parameters)
     with pytest.raises(
-        WeightsError, match=r"expected impact \(drpbench-impact-1\), got format .*:Pair"
+        WeightsError, match=r"expected impact \(drpbench-impact-1\), .*, got format .*:Pair"
     ):
         load(path)
     rewritten(path, size=json.dumps({"depth": 3}))

@@ -9,8 +9,12 @@ from drpbench.plugins.imported import built
 from drpbench.plugins.networks import named
 
 from .impact import ImpactLearner
+from .lstm_gmm import LstmGmmLearner
 
-LEARNERS: Mapping[str, type[Learner]] = {"impact": ImpactLearner}
+LEARNERS: Mapping[str, type[Learner]] = {
+    "impact": ImpactLearner,
+    "neuralmp": LstmGmmLearner,
+}
 
 
 def learner(name: str, size: str | None = None) -> Learner:

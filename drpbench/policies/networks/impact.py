@@ -29,26 +29,21 @@ from flax import nnx
 from jax.typing import DTypeLike
 from jaxtyping import Array, Bool, Float
 
-from drpbench.contract import ROBOT_POINTS
-from drpbench.contract import SCENE_POINTS as SCENE_POINTS
-from drpbench.robot import PANDA, BodyPoints, Robot
+from drpbench.robot import PANDA, Robot
 
-from .chunks import CHUNK, FLOOR, RAMP
+from .arm import arm_at, joint_inputs, world
+from .chunks import CHUNK
 from .feelers import feeler_points, most_feelers
 from .impact_size import FULL as FULL
 from .impact_size import SIZES as SIZES
 from .impact_size import SMALL as SMALL
 from .impact_size import ImpactSize
-from .layers import attention, dot_general, greatest
+from .layers import Linear, attention, greatest
 from .set_abstraction import farthest_points, gather, in_pieces, neighbourhoods
 
 Parameters = dict[str, Any]
 """A nested dict of float32 arrays."""
 
-
-Linear = functools.partial(
-    nnx.Linear, dot_general=dot_general, kernel_init=nnx.initializers.lecun_uniform()
-)
 
 _LONGEST, _SHORTEST = 4.0, 0.1  # [m] wavelengths of the positional encoding
 _CLOSE = 0.1  # [m]
@@ -64,30 +59,6 @@ def positional_encoding(
     waves = jnp.concatenate([jnp.sin(phase), jnp.cos(phase)], axis=-1)
     waves = waves.reshape(*positions.shape[:-1], 6 * count)
     return jnp.pad(waves, [(0, 0)] * (waves.ndim - 1) + [(0, width - 6 * count)])
-
-
-def normalised(q: Float[Array, "*batch J"], robot: Robot = PANDA) -> Float[Array, "*batch J"]:
-    """Joints [rad] as shares of their range, [-1, 1]."""
-    middle = 0.5 * (robot.joint_upper + robot.joint_lower)
-    half = 0.5 * (robot.joint_upper - robot.joint_lower)
-    return (q - jnp.asarray(middle, q.dtype)) / jnp.asarray(half, q.dtype)
-
-
-def arm_at(
-    q: Float[Array, "*batch J"], count: int, robot: Robot = PANDA
-) -> Float[Array, "*batch {count} 3"]:
-    """Every (256 / count)-th of the observed points of the arm, at joints `q` [rad]: positions
-    [m]."""
-    observed = robot.surface_points(ROBOT_POINTS)
-    return _world(observed.part(np.arange(0, ROBOT_POINTS, ROBOT_POINTS // count)), q, robot)
-
-
-def _world(
-    points: BodyPoints, q: Float[Array, "*batch J"], robot: Robot
-) -> Float[Array, "*batch S 3"]:
-    """Where points of the arm are [m] at joints `q` [rad]."""
-    flat = jax.vmap(lambda one: points.world(robot.link_poses(one)))(q.reshape(-1, robot.joints))
-    return flat.reshape(*q.shape[:-1], points.count, 3)
 
 
 def _closeness(
@@ -313,10 +284,7 @@ class ImpactNetwork(nnx.Module):
         scene_points, scene_mask = scene_points[..., ::stride, :], scene_mask[..., ::stride]
         robot_points = robot_points[..., :: robot_points.shape[-2] // size.robot_points, :]
         there = jnp.ones(robot_points.shape[:-1], bool)
-        q, g = normalised(joints, self.arm), normalised(goal, self.arm)
-        away = goal - joints
-        farthest = jnp.max(jnp.abs(away), axis=-1, keepdims=True)
-        towards = away / jnp.maximum(farthest, FLOOR * RAMP)
+        q, g, way = (part.astype(self.dtype) for part in joint_inputs(joints, goal, self.arm))
         closeness = []
         if size.sees_goal:
             goal_points = arm_at(goal, size.robot_points, self.arm)
@@ -328,9 +296,9 @@ class ImpactNetwork(nnx.Module):
         groups = [
             self.scene(scene_points, scene_mask, *closeness),
             self.robot(robot_points, there),
-            self.current(q.astype(self.dtype))[..., None, :],
-            self.goal(g.astype(self.dtype))[..., None, :],
-            self.difference(jnp.concatenate([g - q, towards], -1).astype(self.dtype))[..., None, :],
+            self.current(q)[..., None, :],
+            self.goal(g)[..., None, :],
+            self.difference(way)[..., None, :],
         ]
         if size.sees_goal:
             groups.append(self.robot(goal_points, there))
@@ -339,7 +307,7 @@ class ImpactNetwork(nnx.Module):
         if size.feelers:
             places = self.places[...].astype(self.dtype)
             for posture, place in zip((joints, goal), places, strict=True):
-                centers = _world(feeler_points(size.feelers, self.arm), posture, self.arm)
+                centers = world(feeler_points(size.feelers, self.arm), posture, self.arm)
                 groups.append(self.feeler(all_points, all_there, centers=centers) + place)
         x = jnp.concatenate(groups, axis=-2)
         for layer in self.encoder:

@@ -1,17 +1,16 @@
 """IMPACT as a policy: one inference a control step, of which one waypoint is commanded."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from drpbench.contract import EPISODE, Observation
 from drpbench.robot import PANDA, Robot
 
+from .at_once import at_once
 from .chunks import commanded
 from .impact import Parameters, apply
 from .impact_size import FULL, ImpactSize
@@ -61,28 +60,4 @@ class Impact:
 
 @functools.cache
 def _batching(size: ImpactSize, robot: Robot) -> Callable[..., Float[Array, "*batch 10 J"]]:
-    """`apply`, given a whole batch at once where it is vmapped: it then knows the batch's size, and
-    takes it in pieces that fit the cache."""
-
-    def whole(parameters: Parameters, *seen: Any) -> Array:
-        return apply(size, parameters, *seen, robot=robot)
-
-    @jax.custom_batching.custom_vmap
-    def network(parameters: Parameters, *seen: Array) -> Array:
-        return whole(parameters, *seen)
-
-    @network.def_vmap
-    def _(
-        count: int, batched: Sequence, parameters: Parameters, *seen: Array
-    ) -> tuple[Array, bool]:
-        of_parameters, *of_seen = batched
-        if any(jax.tree.leaves(of_parameters)):
-            axes = jax.tree.map(lambda is_batched: 0 if is_batched else None, batched)
-            return jax.vmap(whole, axes)(parameters, *seen), True
-        seen = tuple(
-            x if is_batched else jnp.broadcast_to(x, (count, *x.shape))
-            for x, is_batched in zip(seen, of_seen, strict=True)
-        )
-        return whole(parameters, *seen), True
-
-    return network
+    return at_once(functools.partial(apply, size, robot=robot))

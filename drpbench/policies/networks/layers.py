@@ -6,10 +6,12 @@ and the first of the right is done in plain loops, and the gradient of a maximum
 over memory. `python benchmarks/impact_inference.py` measures the outcome.
 """
 
+import functools
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+from flax import nnx
 from jaxtyping import Array, Float
 
 _Residuals = tuple[Array, ...]
@@ -41,6 +43,12 @@ def dot_general(
 ) -> Float[Array, "*rows O"]:
     """`matmul` in the form in which `flax.nnx.Linear` takes it."""
     return matmul(x, kernel)
+
+
+Linear = functools.partial(
+    nnx.Linear, dot_general=dot_general, kernel_init=nnx.initializers.lecun_uniform()
+)
+"""A linear layer, as all networks here have it."""
 
 
 @jax.custom_vjp

@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from drpbench.policies.networks.arm import normalised
 from drpbench.policies.networks.chunks import CHUNK
 from drpbench.policies.networks.feelers import feeler_points
 from drpbench.policies.networks.impact import (
     apply,
     initial,
-    normalised,
     positional_encoding,
     shapes,
 )
