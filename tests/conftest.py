@@ -9,7 +9,8 @@ import pytest
 from jaxtyping import install_import_hook
 
 # Tests run a program once or twice: that does not pay for making it fast.
-os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_llvm_disable_expensive_passes=true"
+CHEAP = "--xla_llvm_disable_expensive_passes=true"
+os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {CHEAP}".strip()
 
 from .browser import ABSENT, CHROMIUM, Browser
 from .result_rows import header, result, row
