@@ -8,10 +8,6 @@ import numpy as np
 import pytest
 from jaxtyping import install_import_hook
 
-# Tests run a program once or twice: that does not pay for making it fast.
-CHEAP = "--xla_llvm_disable_expensive_passes=true"
-os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {CHEAP}".strip()
-
 from .browser import ABSENT, CHROMIUM, Browser
 from .result_rows import header, result, row
 
@@ -30,12 +26,18 @@ install_import_hook(
     "beartype.beartype",
 )
 
+# Tests run a program once or twice: that does not pay for making it fast.
+CHEAP = "--xla_llvm_disable_expensive_passes=true"
+
 # Each of these fixtures compiles a rollout or draws problems with a planner.
 SLOW_FIXTURES = {"compiled", "drawn", "figures", "finished", "rolled", "training"}
 
 
 def pytest_configure(config):
-    """Programs compiled once serve all of a session's processes: its workers, and what they run."""
+    """Programs are compiled in haste, once for all of a session's processes: its workers, and what
+    they run."""
+    if CHEAP not in os.environ.get("XLA_FLAGS", ""):
+        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {CHEAP}".strip()
     if not hasattr(config, "workerinput") and "DRPBENCH_CACHE" not in os.environ:
         config.compiled = os.environ["DRPBENCH_CACHE"] = tempfile.mkdtemp(prefix="drpbench-tests-")
     from drpbench.compile import use_cache

@@ -1,4 +1,4 @@
-"""`trajopt`: the project's own trajectory optimiser as a policy that knows the obstacle models.
+"""The project's own trajectory optimiser as a policy: `trajopt`, and `trajopt-vox` on voxels.
 
 At the start it plans to the goal with `drpbench.planning.expert`, gives the path its times within
 the arm's limits (`retiming.retime`), and tracks it. Every few control steps it looks whether what
@@ -6,6 +6,9 @@ is left of the plan is still free among the obstacles as they stand, and plans a
 arm is if it is not: with the rest of the old path as a hint, and to a place to stop before the goal
 where the goal itself is taken. It knows no motion: obstacles are taken to stay where they are. In
 the manner of cuRobo (Sundaralingam et al., 2023), which it is not.
+
+With privilege it plans on the obstacle models. Without, on a grid of voxels in which there is a
+point of the cloud: the paper's cuRobo-Vox has such a grid too, of the same size.
 """
 
 from dataclasses import dataclass, field, replace
@@ -15,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from drpbench.contract import EPISODE, Observation, Scalar
-from drpbench.geometry import Primitives
+from drpbench.geometry import Field, VoxelField
 from drpbench.planning.clearance_cost import gaps
 from drpbench.planning.expert import PlannerSettings, plan
 from drpbench.planning.polyline import between
@@ -26,6 +29,9 @@ from .replanning import planned_where
 
 FIRST = PlannerSettings(iterations=30, vias=11, stop_short=True)
 AGAIN = PlannerSettings(iterations=15, vias=5, stop_short=True)
+_VOXEL = 0.05  # [m]
+_GRID = (40, 40, 40)
+_CORNER = (-1.0, -1.0, -0.8)  # [m] in the arm's base frame: as far below it as a low floor
 _SAMPLES = 256  # of a trajectory
 _LOOKED_AT = 32  # of what is left of one
 
@@ -56,7 +62,10 @@ class Following:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class TrajOpt:
-    """Plans, tracks, and plans anew where the plan is no longer free. Privileged."""
+    """Plans, tracks, and plans anew where the plan is no longer free."""
+
+    privileged: bool = field(default=True, metadata={"static": True})
+    """Whether it plans on the obstacle models; else on voxels of the point cloud."""
 
     speed: Scalar = 0.5
     """Share of the pace that the arm's limits allow."""
@@ -70,8 +79,6 @@ class TrajOpt:
     """Of a plan that is made under way."""
     robot: Robot = field(default=PANDA, metadata={"static": True})
     control_period: float = field(default=EPISODE.period, metadata={"static": True})
-
-    privileged = True
 
     def init(self, observation: Observation) -> Following:
         q = observation.joint_position
@@ -91,13 +98,15 @@ class TrajOpt:
     ) -> tuple[Float[Array, " J"], Following]:
         if self.replan:
             looks = (carry.clock % self.replan == 0) & (carry.clock > 0)
-            carry = planned_where(
-                looks & self._spoilt(observation, carry), self._again, observation, carry
-            )
+            carry = planned_where(looks, self._looked, observation, carry)
         ahead = carry.since + self.robot.servo_lag
         (target,) = carry.at(self.speed * ahead[None])
         step = jnp.float32(self.control_period)
         return target, replace(carry, since=carry.since + step, clock=carry.clock + 1)
+
+    def _looked(self, observation: Observation, old: Following) -> Following:
+        spoilt = self._spoilt(observation, old)
+        return planned_where(spoilt, self._again, observation, old)
 
     def _again(self, observation: Observation, old: Following) -> Following:
         return self._planned(observation, old, self.again)
@@ -108,7 +117,7 @@ class TrajOpt:
         """The best plan from where the arm is; the old one where none is found."""
         rest = old.at(self._left(old))
         found = plan(
-            _models(observation),
+            self._field(observation),
             observation.joint_position,
             observation.goal_joints,
             jax.random.key(0),
@@ -137,12 +146,14 @@ class TrajOpt:
         taken, may be free now."""
         rest = carry.at(self._left(carry))
         ends = jnp.concatenate([rest, observation.goal_joints[None]])
-        room = jax.vmap(lambda q: jnp.min(gaps(q, _models(observation), self.robot).obstacle))(ends)
+        obstacles = self._field(observation)
+        room = jax.vmap(lambda q: jnp.min(gaps(q, obstacles, self.robot).obstacle))(ends)
         least = jnp.minimum(self.room, 0.7 * jnp.maximum(carry.room, 0.0))
         return (jnp.min(room[:-1]) < least) | (~carry.reached & (room[-1] > 0.0))
 
-
-def _models(observation: Observation) -> Primitives:
-    """The obstacle models of a privileged observation."""
-    assert observation.obstacles is not None
-    return observation.obstacles
+    def _field(self, observation: Observation) -> Field:
+        if not self.privileged:
+            points, mask = observation.scene_points, observation.scene_mask
+            return VoxelField.of_points(points, mask, _GRID, _VOXEL, _CORNER)
+        assert observation.obstacles is not None
+        return observation.obstacles

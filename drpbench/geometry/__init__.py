@@ -19,3 +19,4 @@ from .rotation import quaternion_to_matrix as quaternion_to_matrix
 from .rotation import rotation_angle as rotation_angle
 from .sampling import areas as areas
 from .sampling import sample_surface as sample_surface
+from .voxel_field import VoxelField as VoxelField

@@ -77,6 +77,10 @@ POLICIES: dict[str, tuple[Callable[..., Any], str]] = {
         "sampling-based model-predictive control on the obstacle models (privileged)",
     ),
     "trajopt": (TrajOpt, "plans with a trajectory optimiser on the obstacle models (privileged)"),
+    "trajopt-vox": (
+        partial(TrajOpt, privileged=False),
+        "plans with the same optimiser on voxels of the point cloud",
+    ),
     "ompl": (
         Ompl,
         "plans with OMPL on the obstacle models; ompl:bitstar names the planner (privileged)",

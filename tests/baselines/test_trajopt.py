@@ -10,6 +10,7 @@ import pytest
 from drpbench.baselines import TrajOpt
 from drpbench.compile import jit
 from drpbench.geometry import BOX, Primitives
+from drpbench.learning.batches import cloud
 from drpbench.planning.clearance_cost import gaps
 from drpbench.planning.expert import PlannerSettings
 from drpbench.robot import PANDA
@@ -96,3 +97,16 @@ def test_before_a_goal_that_is_taken_it_stops_and_goes_on_when_it_is_free(compil
     assert min(room for _, room in way) > 0.0
     assert np.abs(way[290][0] - GOAL).max() > 0.05
     np.testing.assert_allclose(way[-1][0], GOAL, atol=1e-3)
+
+
+def test_without_privilege_it_goes_round_what_the_cloud_shows():
+    """The post again, as points on its faces; which it sees alone."""
+    few = PlannerSettings(iterations=15, vias=3)
+    policy = replace(POLICY, privileged=False, first=few)
+    wanted = replace(observation(jnp.asarray(START), jnp.asarray(GOAL)), obstacles=None)
+    points, mask = cloud(jax.random.key(0), post(0.7), wanted.scene_points.shape[0])
+    carry = jit(policy.init)(replace(wanted, scene_points=points, scene_mask=mask))
+    assert bool(carry.reached) and float(carry.room) > 0.0
+    np.testing.assert_allclose(carry.q[-1], GOAL, atol=1e-5)
+    least = jax.vmap(lambda q: jnp.min(gaps(q, post(0.7)).obstacle))(carry.q)
+    assert float(least.min()) > 0.0
