@@ -12,27 +12,20 @@ import shutil
 import subprocess
 import sys
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
-from drpbench.compile import jit
 from drpbench.contract import EPISODE, UNSTATED, HostObservation
 from drpbench.errors import DrpbenchError, suggested
 from drpbench.geometry import Obstacles
 from drpbench.geometry.host_rotation import from_matrix
-from drpbench.planning.polyline import evenly_on_host
-from drpbench.planning.retiming import retime, step_lengths
 from drpbench.robot import PANDA, Robot
 
 from .forked import Lost
 from .ompl_server import SERVE, Greeting, Problem, Request
+from .tracking import Tracks
 
-_WAYPOINTS = 256  # of a path, evenly spaced: its corners are cut by a few millimetres at most
-_SAMPLES = 512  # of a trajectory
 _FIRST_CHOICE = ("aitstar", "rrtconnect")
 
 
@@ -91,11 +84,10 @@ class Ompl:
             )
 
     def reset(self, observation: HostObservation) -> None:
-        count = len(observation.joint_position)
-        self._clock = np.zeros(count, int)
         self._steps = 0
-        self._duration = np.full(count, 1.0)
-        self._q = np.repeat(observation.joint_position[:, None], _SAMPLES, axis=1)
+        self._tracks = Tracks(
+            observation.joint_position, self.speed, self.robot, self.control_period
+        )
         found = self._plan(observation)
         # With `replan` there is another chance; then it only has not reached the goal.
         self.failures = tuple(
@@ -106,13 +98,8 @@ class Ompl:
     def act(self, observation: HostObservation) -> np.ndarray:
         if self.replan and self._steps and self._steps % self.replan == 0:
             self._plan(observation)
-        ahead = self.speed * (self._clock * self.control_period + self.robot.servo_lag)
-        place = np.clip(ahead / self._duration, 0.0, 1.0) * (_SAMPLES - 1)
-        low = np.minimum(place.astype(int), _SAMPLES - 2)
-        lane, share = np.arange(len(place)), (place - low)[:, None]
-        self._clock += 1
         self._steps += 1
-        return (1 - share) * self._q[lane, low] + share * self._q[lane, low + 1]
+        return self._tracks.targets()
 
     def close(self) -> None:
         """Ends the planner's process."""
@@ -130,10 +117,7 @@ class Ompl:
         found = self.paths(observation)
         for i, path in enumerate(found):
             if not isinstance(path, Lost):
-                even = jnp.asarray(evenly(path, _WAYPOINTS, self.robot), jnp.float32)
-                timed = jax.device_get(_timed(even, self.robot))
-                self._q[i], self._duration[i] = timed.q, max(float(timed.duration), 1e-3)
-                self._clock[i] = 0
+                self._tracks.follow(i, path)
         return found
 
     def paths(self, observation: HostObservation) -> list[Any]:
@@ -189,17 +173,6 @@ class Ompl:
                 f'{self._interpreter} -m pip install "drpbench[ompl]"'
             )
         return greeting
-
-
-@partial(jit, static_argnums=1)
-def _timed(path: jax.Array, robot: Robot) -> Any:
-    return retime(path, _SAMPLES, robot)
-
-
-def evenly(path: np.ndarray, count: int, robot: Robot) -> np.ndarray:
-    """The polyline (k, J) at `count` points of even steps of `step_lengths`."""
-    steps = np.asarray(step_lengths(jnp.asarray(path, jnp.float32), robot), float)
-    return evenly_on_host(path, steps, count)
 
 
 def _obstacles(scenes: Any, i: int) -> Obstacles:

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
-from drpbench.baselines import Mppi, Ompl, Rmp, TrajOpt
+from drpbench.baselines import Curobo, Mppi, Ompl, Rmp, TrajOpt
 from drpbench.contract import (
     EPISODE,
     OF_THE_WORLD,
@@ -84,6 +84,10 @@ POLICIES: dict[str, tuple[Callable[..., Any], str]] = {
     "ompl": (
         Ompl,
         "plans with OMPL on the obstacle models; ompl:bitstar names the planner (privileged)",
+    ),
+    "curobo": (
+        Curobo,
+        "plans with NVIDIA's cuRobo on the obstacle models, on a GPU of theirs (privileged)",
     ),
     "straight": (Straight, "the straight line in joint space, blind to the scene"),
     "fold-and-wait": (FoldAndWait, "folds away, waits until the boxes are gone, and goes straight"),
@@ -164,7 +168,7 @@ def choose(
         )
     fixed |= accepted(factory, world)
     chosen = read(base, factory, arguments, fixed)
-    if factory is Ompl:
+    if is_host(factory):
         return _planner(partial(factory, **fixed, **chosen), wrappers, world)
     policy = _wrapped(factory(**fixed, **chosen), wrappers, world)
     return Choice(policy, parameters(policy))

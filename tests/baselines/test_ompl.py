@@ -11,42 +11,15 @@ import pytest
 
 from drpbench.baselines import Ompl
 from drpbench.baselines.forked import Lost, each_alone
-from drpbench.baselines.ompl import evenly
-from drpbench.contract import OBSERVED, HostObservation
+from drpbench.baselines.tracking import evenly
 from drpbench.errors import DrpbenchError
-from drpbench.geometry import BOX, Primitives
+from drpbench.geometry import Primitives
 from drpbench.planning.clearance_cost import gaps
 from drpbench.robot import PANDA
 
-from ..scenes import observation
+from .posts import GOAL, START, batch, post
 
 pytest.importorskip("ompl")
-
-START = np.asarray(PANDA.home, np.float32)
-GOAL = START + np.float32([1.4, 0, 0, 0, 0, 0, 0])
-AWAY = float(jnp.hypot(*PANDA.grip_pose(PANDA.link_poses(jnp.asarray(START)))[0][:2]))
-"""[m] of the hand from the base's axis"""
-
-
-def post(bearing):
-    """A post where the hand passes at this bearing [rad]."""
-    return Primitives(
-        kind=np.array([BOX]),
-        half_size=np.array([[0.03, 0.03, 0.35]], np.float32),
-        position=np.array([[AWAY * np.cos(bearing), AWAY * np.sin(bearing), 0.35]], np.float32),
-        rotation=np.eye(3, dtype=np.float32)[None],
-        mask=np.ones(1, bool),
-    )
-
-
-def batch(*bearings):
-    """One instance for each bearing of a post."""
-    one = observation(jnp.asarray(START), jnp.asarray(GOAL))
-    posts = [post(bearing) for bearing in bearings]
-    arrays = {name: np.stack([np.asarray(getattr(one, name))] * len(posts)) for name in OBSERVED}
-    names = ("kind", "half_size", "position", "rotation", "mask")
-    scenes = Primitives(**{n: np.stack([getattr(p, n) for p in posts]) for n in names})
-    return HostObservation(obstacles=scenes, **arrays)
 
 
 @jax.jit

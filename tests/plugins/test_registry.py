@@ -1,5 +1,6 @@
 """Policies by name, and that each of them is one."""
 
+import importlib.util
 from dataclasses import replace
 from functools import partial
 
@@ -11,6 +12,7 @@ import pytest
 from drpbench.baselines import Rmp
 from drpbench.compile import jit
 from drpbench.contract import Policy
+from drpbench.errors import DrpbenchError
 from drpbench.plugins.host import Hosted
 from drpbench.plugins.registry import POLICIES, WRAPPERS, UnknownPolicy, make, parameters
 from drpbench.policies import DcpRmp, Hold, Straight
@@ -18,7 +20,7 @@ from drpbench.policies.weights import WeightsError, shipped
 
 from ..scenes import boxes, observation, postures
 
-ON_HOST = {"ompl"}
+ON_HOST = {"curobo", "ompl"}
 IN_JAX = [name for name in POLICIES if name not in ON_HOST]
 NAMES = [*IN_JAX, *(f"straight+{name}" for name in WRAPPERS)]
 
@@ -64,10 +66,14 @@ def test_parameters_name_every_number():
 
 
 @pytest.mark.parametrize("name", sorted(ON_HOST))
-def test_those_that_act_on_the_host_are_hosted(name):
-    pytest.importorskip("ompl")
-    policy = make(name)
-    assert isinstance(policy, Hosted) and isinstance(policy.privileged, bool)
+def test_those_that_act_on_the_host_are_hosted_or_say_what_they_lack(name):
+    try:
+        policy = make(name)
+    except DrpbenchError as error:
+        assert str(error).startswith(f"{name}: ") and "\n" not in str(error)
+        assert importlib.util.find_spec(name) is None
+    else:
+        assert isinstance(policy, Hosted) and isinstance(policy.privileged, bool)
 
 
 @pytest.mark.slow
