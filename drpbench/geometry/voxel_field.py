@@ -82,8 +82,8 @@ class VoxelField:
         along_z = [[a + z * (b - a) for a, b in side] for side in edges]
         along_y = [a + y * (b - a) for a, b in along_z]
         value = along_y[0] + x * (along_y[1] - along_y[0])
-        slope_z = [[b - a for a, b in side] for side in edges]
-        slope_z = [a + y * (b - a) for a, b in slope_z]
+        steps_z = [[b - a for a, b in side] for side in edges]
+        slope_z = [a + y * (b - a) for a, b in steps_z]
         slope_y = [b - a for a, b in along_z]
         slope = jnp.stack(
             [

@@ -169,7 +169,8 @@ def choose(
     fixed |= accepted(factory, world)
     chosen = read(base, factory, arguments, fixed)
     if is_host(factory):
-        return _planner(partial(factory, **fixed, **chosen), wrappers, world)
+        planner = cast(Callable[[], HostPolicy], partial(factory, **fixed, **chosen))
+        return _planner(planner, wrappers, world)
     policy = _wrapped(factory(**fixed, **chosen), wrappers, world)
     return Choice(policy, parameters(policy))
 
