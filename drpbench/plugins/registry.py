@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
 
-from drpbench.baselines import Curobo, Mppi, Ompl, Rmp, TrajOpt
+from drpbench.baselines import Curobo, Mppi, Ompl, Rmp, TestTimeOptimisation, TrajOpt
 from drpbench.contract import (
     EPISODE,
     OF_THE_WORLD,
@@ -66,11 +66,30 @@ def _drp(
     return DcpRmp(inner, robot=robot, control_period=control_period)
 
 
+def _neuralmp(
+    weights: str | Path = "neuralmp",
+    robot: Robot = PANDA,
+    control_period: float = EPISODE.period,
+) -> Policy:
+    """NeuralMP's architecture with shipped weights, or those of a file."""
+    from drpbench.policies.weights import NETWORKS, load
+
+    found: Any = load(weights, {"neuralmp": NETWORKS["neuralmp"]}, robot)
+    return replace(found, control_period=control_period)
+
+
+def _tto(policy: Any, robot: Robot = PANDA, control_period: float = EPISODE.period) -> Policy:
+    if not hasattr(policy, "drawn"):
+        raise PolicyError("tto: draws ways from a policy that can: expected neuralmp+tto")
+    return TestTimeOptimisation(policy, robot=robot, control_period=control_period)
+
+
 POLICIES: dict[str, tuple[Callable[..., Any], str]] = {
     "drp": (_drp, "Deep Reactive Policy: IMPACT with DCP-RMP, the paper's method"),
     "impact": (_impact, "the transformer policy alone, with the best weights there are"),
     "impact-pretrained": (_pretrained, "the same before it learned from corrections"),
     "rmp": (Rmp, "Riemannian motion policies from the point cloud alone"),
+    "neuralmp": (_neuralmp, "NeuralMP's architecture, trained on what IMPACT was, no longer"),
     "mppi": (Mppi, "sampling-based model-predictive control, from the point cloud"),
     "mppi-privileged": (
         partial(Mppi, privileged=True),
@@ -93,10 +112,15 @@ POLICIES: dict[str, tuple[Callable[..., Any], str]] = {
     "fold-and-wait": (FoldAndWait, "folds away, waits until the boxes are gone, and goes straight"),
     "hold": (Hold, "stays where it is"),
 }
-FROM_FILE: dict[str, Callable[..., Policy]] = {"drp": _drp, "impact": _impact}
+FROM_FILE: dict[str, Callable[..., Policy]] = {
+    "drp": _drp,
+    "impact": _impact,
+    "neuralmp": _neuralmp,
+}
 """Those that take weights of the user's: `impact:runs/mine/weights.safetensors`."""
 WRAPPERS: dict[str, tuple[Callable[..., Policy], str]] = {
     "dcp-rmp": (DcpRmp, "gives way to the dynamic closest point; goes over any policy"),
+    "tto": (_tto, "tracks the best of 100 ways that a policy draws beforehand; goes over neuralmp"),
 }
 
 

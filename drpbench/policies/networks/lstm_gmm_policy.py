@@ -3,7 +3,7 @@ commanded."""
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import jax
@@ -36,7 +36,8 @@ class LstmGmm:
     (`chunks.py`).
 
     The LSTM begins anew every `size.horizon` steps, as in training. The published policy draws the
-    mode by its share; the likeliest one makes the policy deterministic.
+    mode by its share; the likeliest one makes the policy deterministic. `drawn()` draws from the
+    whole mixture.
     """
 
     parameters: Parameters
@@ -46,6 +47,8 @@ class LstmGmm:
     any."""
     robot: Robot = field(default=PANDA, metadata={"static": True})
     control_period: float = field(default=EPISODE.period, metadata={"static": True})
+    draws: bool = field(default=False, metadata={"static": True})
+    """Whether an action is drawn from the mixture; else it is the likeliest mode's mean."""
 
     privileged = False
 
@@ -58,6 +61,10 @@ class LstmGmm:
             "has 20), trained here"
         )
 
+    def drawn(self) -> "LstmGmm":
+        """The same, whose actions are drawn by the key that `act` gets."""
+        return replace(self, draws=True)
+
     def init(self, observation: Observation) -> Memory:
         return Memory(start(self.size), jnp.int32(0))
 
@@ -69,7 +76,11 @@ class LstmGmm:
         state = jnp.where(carry.since == 0, 0.0, carry.state)
         one_step = _batching(self.size, self.robot)
         mixture, state = one_step(self.parameters, *clouds, q, goal, state)
-        action = mixture.likeliest()
+        if self.draws:
+            assert key is not None
+            action = mixture.draw(key)
+        else:
+            action = mixture.likeliest()
         chunk = jnp.broadcast_to(action, (CHUNK, *action.shape))
         since = (carry.since + 1) % self.size.horizon
         return commanded(chunk, q, goal, self.robot, self.control_period), Memory(state, since)

@@ -230,3 +230,16 @@ def test_settings_come_back_from_a_file():
     assert LstmGmmFormat.from_settings({**network.settings(), "first_mlp": [32, 64]}) == network
     with pytest.raises(ValueError, match="expected arm_points"):
         LstmGmmFormat.from_settings({"modes": 3})
+
+
+@pytest.mark.slow
+def test_drawn_actions_differ_by_the_key_alone(tiny):
+    policy = LstmGmmFormat(TINY).policy(tiny).drawn()
+    observation = _observation()
+    act = jax.jit(policy.act)
+    keys = jax.random.split(jax.random.key(0), 2)
+    first, again, other = (
+        act(observation, policy.init(observation), key)[0] for key in (keys[0], keys[0], keys[1])
+    )
+    np.testing.assert_array_equal(first, again)
+    assert np.abs(first - other).max() > 1e-6
