@@ -132,8 +132,9 @@ def test_a_box_that_is_beyond_the_border_may_come_back():
 def test_a_box_turns_back_before_what_the_arm_cannot_move_away():
     box, depths = one_box([0.45, 0.02, 0.2], [-0.003, 0.0, 0.0]), []
     step = jit(lambda box: drift(box, lambda position: jnp.full(len(position), -1.0), PANDA))
+    depth = jit(lambda position: depth_in_core(CUBE, jnp.eye(3), position, PANDA))
     for _ in range(150):
         box = step(box)
-        depths.append(float(depth_in_core(CUBE, jnp.eye(3), box.position[0], PANDA)))
+        depths.append(float(depth(box.position[0])))
     assert -0.003 < max(depths) <= 0.0  # it comes within a step's length, and no nearer
     assert float(box.velocity[0, 0]) == pytest.approx(0.003)

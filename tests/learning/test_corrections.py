@@ -33,7 +33,7 @@ def walk(touch=None, arrive=None):
 
 def kept(*walked, count=200):
     keys = jax.random.split(jax.random.key(0), count)
-    q, usable = jax.vmap(lambda key: _stray(*walked, key))(keys)
+    q, usable = jax.jit(jax.vmap(lambda key: _stray(*walked, key)))(keys)
     steps = np.abs(np.asarray(walked[0])[None, :, 0] - np.asarray(q)[:, :1]).argmin(axis=1)
     return steps, np.asarray(usable)
 
@@ -80,16 +80,35 @@ def boxes_more(demonstrations, corrected):
     ]
 
 
+@jax.jit
+@jax.vmap
+def seen(path, obstacles):
+    """Whether a path passes the check, and the room [m] where it begins."""
+    scene = obstacles.primitives()
+    return check_path(path, scene).free, gaps(path[0], scene).obstacle.min()
+
+
+@jax.jit
+def nearest(q, box):
+    """[m] the least gap at each of `q` to a box of its own."""
+    return jax.vmap(lambda q, box: gaps(q, box).obstacle.min())(q, box)
+
+
+@jax.jit
+def nearest_on_way(way, boxes):
+    """[m] the least gap along one way to each of the boxes."""
+    one = jax.vmap(lambda q, box: gaps(q, box).obstacle.min(), (0, None))
+    return jax.vmap(lambda box: one(way, box).min())(boxes)
+
+
 def test_corrections_are_free_and_end_at_the_goal(demonstrations, corrected):
     more = boxes_more(demonstrations, corrected)
     assert set(more.tolist()) == {0, 1}
     for boxes, least in ((0, 0.5), (1, 0.2)):
         assert least * demonstrations.count <= (more == boxes).sum() <= demonstrations.count
     found = jax.tree.map(jnp.asarray, corrected)
-    free = jax.vmap(lambda path, obstacles: check_path(path, obstacles).free)
-    assert free(found.path, found.obstacles.primitives()).all()
-    room = jax.vmap(lambda q, obstacles: gaps(q, obstacles).obstacle.min())
-    assert (room(found.path[:, 0], found.obstacles.primitives()) > 0.0).all()
+    free, room = seen(found.path, found.obstacles)
+    assert free.all() and (room > 0.0).all()
     ends = np.abs(corrected.path[:, -1] - corrected.goal).max(axis=1)
     assert (ends[corrected.reached] == 0.0).all() and corrected.reached[more == 0].all()
 
@@ -100,19 +119,16 @@ def test_a_box_that_appears_leaves_room_where_the_arm_is_and_stands_on_its_way(d
     keys = jax.random.split(jax.random.key(1), 40)
     room = jnp.full(STEPS, 0.1)
     walked = along(one.path, jnp.linspace(0.0, 1.0, STEPS))
-    scenes, q, placed = jax.vmap(lambda key: _interrupted(one, walked, room, key))(keys)
+    interrupted = jax.jit(jax.vmap(lambda key: _interrupted(one, walked, room, key)))
+    scenes, q, placed = interrupted(keys)
     assert 0.3 < placed.mean() <= 1.0
     slot = int(np.argmin(one.obstacles.mask))
     only = jax.tree.map(lambda leaf: leaf[:, slot : slot + 1], scenes.obstacles.primitives())
 
-    def nearest(q):
-        return jax.vmap(lambda q, box: gaps(q, box).obstacle.min())(q, only)[placed]
-
-    assert (nearest(q) > 0.019).all()
-    at_goal = nearest(jnp.broadcast_to(one.goal, (40, 7)))
+    assert (nearest(q, only)[placed] > 0.019).all()
+    at_goal = nearest(jnp.broadcast_to(one.goal, (40, 7)), only)[placed]
     assert ((at_goal < 0.0) | (at_goal > 0.019)).all() and 0.1 < (at_goal < 0.0).mean() < 0.7
-    way = jax.vmap(lambda box: jax.vmap(lambda q: gaps(q, box).obstacle.min())(walked).min())(only)
-    assert (way[placed] < 0.0).all()
+    assert (nearest_on_way(walked, only)[placed] < 0.0).all()
 
 
 def test_corrections_begin_off_the_demonstrated_path(demonstrations, corrected):
