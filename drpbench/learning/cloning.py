@@ -84,7 +84,8 @@ class Cloning:
     def begin(self, parameters: Any = None) -> TrainingState:
         """The state before the first step: of an untrained network, or of these parameters."""
         if parameters is None:
-            parameters = self.learner.initial(self.settings.seed)
+            # Compiled: dozens of small programs take longer.
+            parameters = jax.jit(self.learner.initial, static_argnums=0)(self.settings.seed)
         return self._everywhere(
             TrainingState(
                 step=jnp.int32(0),

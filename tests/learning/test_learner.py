@@ -48,7 +48,7 @@ def test_samples_have_the_batch_in_front(demonstrations):
 
 
 def test_a_loss_is_one_number(demonstrations):
-    message = refused(demonstrations, loss=lambda self, p, b, precision: b.joints[:, 0])
+    message = refused(demonstrations, loss=lambda self, p, b, precision: b[:, 0, 0])
     assert "expected one float32 number as loss, got" in message and "(4,)" in message
     assert "loss failed" in refused(demonstrations, loss=lambda self, p, b, precision: "low")
 

@@ -1,4 +1,4 @@
-"""A network that has learned sixteen problems by heart solves them in closed loop.
+"""A network that has learned a dozen problems by heart solves them in closed loop.
 
 Everything between the expert and a result's rows is on the way: frames, units, clouds, the chunk's
 timing, weights on disk, the policy, the world. Where two pieces disagree, it fails within minutes
@@ -11,12 +11,11 @@ import pytest
 
 from drpbench.evaluation import Request, run
 from drpbench.evaluation.progress import Silent
-from drpbench.generation.training_problems import Drawer
 from drpbench.geometry import stacked
 from drpbench.learning import train as training
 from drpbench.learning.cloning import CloningSettings
 from drpbench.learning.learners.impact import ImpactLearner
-from drpbench.learning.production import batch_size, solve
+from drpbench.learning.production import solve
 from drpbench.learning.validation import problems
 from drpbench.policies.networks.impact_size import ImpactSize
 from drpbench.problems import ProblemSet, TaskProblems
@@ -25,7 +24,7 @@ from .tiny import Fixed
 
 pytestmark = pytest.mark.slow
 
-COUNT = 16
+COUNT = 12
 SLIM = ImpactSize(
     scene_points=128,
     scene_tokens=16,
@@ -44,9 +43,7 @@ SLIM = ImpactSize(
 
 
 @pytest.fixture(scope="module")
-def solved():
-    drawer = Drawer("tests")
-    drawn = [drawer.draw(number) for number in range(batch_size())]
+def solved(drawn):
     found = solve(drawn)
     kept = np.nonzero(np.asarray(found.reached))[0][:COUNT]
     by_number = {one.index: one for one in drawn}
@@ -74,16 +71,16 @@ def as_set(drawn):
     return ProblemSet("by-heart", "0" * 64, {"SE": static})
 
 
-def test_what_was_learned_by_heart_is_solved_in_closed_loop(solved, tmp_path, monkeypatch):
+def test_what_was_learned_by_heart_is_solved_in_closed_loop(solved, tmp_path):
     demonstrations, drawn = solved
     assert len(drawn) == COUNT
-    settings = CloningSettings(steps=1200, batch=128, learning_rate=2e-3, averaging=0.99)
+    settings = CloningSettings(steps=700, batch=96, learning_rate=2e-3, averaging=0.99)
     wanted = training.Run(
         tmp_path / "run",
         ImpactLearner(SLIM),
         settings,
-        report_every=400,
-        checkpoint_every=1200,
+        report_every=350,
+        checkpoint_every=700,
         validation_problems=0,
     )
     training.train(wanted, Fixed(demonstrations), lambda line, run: None)
@@ -95,6 +92,6 @@ def test_what_was_learned_by_heart_is_solved_in_closed_loop(solved, tmp_path, mo
     )
     rows = run(request, Silent()).rows
     assert len(rows) == COUNT
-    assert sum(row.success for row in rows) >= 14, [
+    assert sum(row.success for row in rows) >= 10, [
         (row.id, row.collided, row.position_error) for row in rows
     ]

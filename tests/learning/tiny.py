@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 
 from drpbench.learning import Learner, chunk_loss
@@ -14,15 +15,23 @@ from drpbench.policies.networks.impact import ImpactSize
 
 @dataclass(frozen=True)
 class Mean(Learner):
-    """Answers the same chunk everywhere; compiled at once."""
+    """Answers the same chunk everywhere, and sees nothing but chunks; compiled at once."""
 
     scale: float = 1.0
 
     def initial(self, seed):
         return {"chunk": jnp.full((10, 7), self.scale)}
 
+    def sample(self, key, demonstrations, count):
+        which_key, first_key = jax.random.split(key)
+        paths, waypoints, _ = demonstrations.path.shape
+        which = jax.random.randint(which_key, (count, 1), 0, paths)
+        first = jax.random.randint(first_key, (count, 1), 0, waypoints - 10)
+        way = demonstrations.path[which, first + jnp.arange(11)]
+        return 10.0 * (way[:, 1:] - way[:, :1])
+
     def loss(self, parameters, batch, precision):
-        return chunk_loss(batch.chunk, jnp.broadcast_to(parameters["chunk"], batch.chunk.shape))
+        return chunk_loss(batch, jnp.broadcast_to(parameters["chunk"], batch.shape))
 
     def policy(self, parameters, weights=""):
         return Hold()
