@@ -50,9 +50,16 @@ def pytest_unconfigure(config):
         shutil.rmtree(folder, ignore_errors=True)
 
 
+# Rooms whose tests share what takes a minute to make: one worker has them all.
+SHARING = ("recording", "viewer")
+
+
 def pytest_collection_modifyitems(items):
-    """Marks as slow every test that asks for a slow fixture; other slow tests carry the mark."""
+    """Marks as slow every test that asks for a slow fixture; other slow tests carry the mark. Tests
+    of a file stay together, and those of a room that shares."""
     for item in items:
+        room = item.path.parent.name
+        item.add_marker(pytest.mark.xdist_group(room if room in SHARING else str(item.path)))
         if SLOW_FIXTURES & set(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.slow)
 

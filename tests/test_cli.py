@@ -15,13 +15,15 @@ from drpbench.errors import InputError
 from drpbench.problems import load_set
 from drpbench.robot import PANDA
 
+from .few_lanes import DRPBENCH
+
 RUN = ["run", "--task", "FDO", "--policy", "hold", "--problems", "0-5", "--batch-size", "2"]
 COMPILES = 400  # [s] generous: compiling takes most of it
 
 
 def drpbench(*arguments, cwd, timeout=COMPILES):
     return subprocess.run(
-        [sys.executable, "-m", "drpbench", *arguments],
+        [*DRPBENCH, *arguments],
         cwd=cwd,
         capture_output=True,
         text=True,
@@ -199,7 +201,7 @@ def test_a_run_without_out_finds_a_name_of_its_own(tmp_path):
 @pytest.mark.slow
 def test_a_killed_run_resumes_to_the_same_rows(finished, tmp_path):
     folder, _ = finished
-    command = [sys.executable, "-m", "drpbench", *RUN, "--out", "killed.json.gz"]
+    command = [*DRPBENCH, *RUN, "--out", "killed.json.gz"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL)
     partial = tmp_path / "killed.json.gz.partial"
     deadline = time.monotonic() + COMPILES

@@ -3,7 +3,6 @@
 import io
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import jax
@@ -17,11 +16,13 @@ from drpbench.compile import jit
 from drpbench.evaluation.machine import environment, processor
 from drpbench.results import load
 
+from .few_lanes import DRPBENCH
+
 D = ("run", "--task", "FDO", "--policy", "straight", "--problems", "2")
 
 
 def drpbench(*arguments, folder=None, limit="", **environ):
-    command = [sys.executable, "-m", "drpbench", *map(str, arguments)]
+    command = [*DRPBENCH, *map(str, arguments)]
     if limit:
         command = ["bash", "-c", f'{limit}; exec "$@"', "bash", *command]
     told = subprocess.run(

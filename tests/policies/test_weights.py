@@ -3,6 +3,7 @@
 import json
 import struct
 from dataclasses import asdict, dataclass
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -294,7 +295,7 @@ def test_the_policy_keeps_the_protocol(file):
     assert target.shape == (2, 7) and target.dtype == jnp.float32 and carry == ()
     joints, goal = seen.joint_position, seen.goal_joints
     clouds = (seen.scene_points, seen.scene_mask, seen.robot_points)
-    chunk = apply(TINY, policy.parameters, *clouds, joints, goal)
+    chunk = jit(partial(apply, TINY))(policy.parameters, *clouds, joints, goal)
     np.testing.assert_allclose(target, commanded(chunk, joints, goal), atol=1e-5)
     # Loaded again, it is the same program.
     np.testing.assert_array_equal(act(load(file), seen, keys)[0], target)

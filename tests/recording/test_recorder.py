@@ -4,7 +4,6 @@ others."""
 import os
 import signal
 import subprocess
-import sys
 import time
 
 import pytest
@@ -13,16 +12,11 @@ from mcap.reader import make_reader
 from drpbench.recording.recorder import Recorder
 from drpbench.results import load, save
 
+from ..few_lanes import DRPBENCH
+
 pytestmark = pytest.mark.slow
 
 IDS = range(6)
-# As `drpbench`, in batches of two that are really of two.
-DRPBENCH = """
-import drpbench.evaluation.run as run
-run.LANES = 2
-from drpbench.cli import main
-main()
-"""
 
 
 def joint_states(path):
@@ -41,7 +35,7 @@ def drpbench(tmp_path):
     def start(*more):
         arguments = ["run", "--task", "FDO", "--policy", "hold", "--problems", "0-5"]
         arguments += ["--batch-size", "2", "--record", "--out", tmp_path / "x.json.gz", *more]
-        command = [sys.executable, "-c", DRPBENCH, *map(str, arguments)]
+        command = [*DRPBENCH, *map(str, arguments)]
         process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
         processes.append(process)
         return process

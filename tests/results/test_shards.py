@@ -1,7 +1,6 @@
 """A run in parts, and the whole of them."""
 
 import subprocess
-import sys
 
 import pytest
 
@@ -9,6 +8,7 @@ from drpbench.errors import InputError
 from drpbench.results import Result, ResultsError, load, save
 from drpbench.results.shards import merged, parse, share
 
+from ..few_lanes import DRPBENCH
 from ..result_rows import header, row
 
 COUNTS = {"FDO": 7, "SE": 20}
@@ -114,7 +114,7 @@ def test_slurms_arrays_may_begin_anywhere(monkeypatch):
 def test_a_run_in_parts_is_the_run(tmp_path):
     def drpbench(*arguments):
         return subprocess.run(
-            [sys.executable, "-m", "drpbench", *arguments],
+            [*DRPBENCH, *arguments],
             cwd=tmp_path,
             capture_output=True,
             text=True,

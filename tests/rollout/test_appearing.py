@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drpbench.envs import TASKS, World
-from drpbench.policies import Hold, Straight
+from drpbench.policies import Straight
 from drpbench.problems import load_set
 from drpbench.robot import PANDA
 from drpbench.rollout import Rollout
@@ -19,7 +19,8 @@ def traces():
     """The blind straight line and standing still on eight problems."""
     problems, told = load_set().task("SAO").take(IDS), []
     world = World(TASKS["SAO"])
-    rollouts = [Rollout(world, policy, lanes=len(IDS)) for policy in (Straight(), Hold())]
+    # At no speed the straight line stands still, in the same program.
+    rollouts = [Rollout(world, policy, lanes=len(IDS)) for policy in (Straight(), Straight(0.0))]
     return problems, [rollout.run(problems, told.append) for rollout in rollouts], told
 
 

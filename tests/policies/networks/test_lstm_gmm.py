@@ -120,7 +120,7 @@ def test_it_sees_scene_arm_goal_and_past_and_nothing_masked(tiny):
         assert float(jnp.abs(run(tiny, *changed)[0].mean - plain.mean).max()) > 1e-4
     empty, _ = run(tiny, scene, jnp.zeros_like(mask), arm, joints, goal, state)
     assert np.isfinite(empty.mean).all()
-    one, _ = step(TINY, tiny, *(leaf[1] for leaf in (scene, mask, arm, joints, goal, state)))
+    one, _ = run(tiny, *(leaf[1] for leaf in (scene, mask, arm, joints, goal, state)))
     np.testing.assert_allclose(one.mean, plain.mean[1], atol=1e-4)
 
 
