@@ -87,8 +87,8 @@ def test_64_problems_tell_good_from_bad(of_64, problems):
 )
 @pytest.mark.parametrize(
     "ids",
-    [[42], [3, 17, 60, 42, 5, 11, 29], np.random.default_rng(0).permutation(64).tolist()],
-    ids=["1", "7", "64 in another order"],
+    [[3, 17, 60, 42, 5, 11, 29], np.random.default_rng(0).permutation(64).tolist()],
+    ids=["7", "64 in another order"],
 )
 def test_episodes_are_the_same_to_the_bit_in_any_batch(floating, problems, of_64, ids):
     whole, traces = of_64[0], len(floating.policy.traces)
