@@ -6,6 +6,7 @@ import tempfile
 
 import numpy as np
 import pytest
+from hypothesis import settings
 from jaxtyping import install_import_hook
 
 from .browser import ABSENT, CHROMIUM, Browser
@@ -25,6 +26,10 @@ install_import_hook(
     ],
     "beartype.beartype",
 )
+
+# The same examples every time: what fails by luck fails for somebody else.
+settings.register_profile("same", derandomize=True)
+settings.load_profile("same")
 
 # Tests run a program once or twice: that does not pay for making it fast.
 CHEAP = "--xla_llvm_disable_expensive_passes=true"
