@@ -29,6 +29,7 @@ PROTOCOL = 1
 MAGIC = b"DRP1"
 _DTYPES = ("<f4", "<f8", "<i4", "<i8", "|b1")
 _LONGEST_HEADER, _MOST_BYTES = 1 << 20, 1 << 30
+_LONGEST_REASON = 200  # characters of why something failed
 _AGAIN = 0.2  # [s] between two attempts to connect
 
 
@@ -155,25 +156,36 @@ class Remote:
         self.told = hello["parameters"]
         """The parameters that it states."""
         self.parameters = {"remote": hello["name"], **self.told}
+        self.failures: tuple[str, ...] = ()
+        """Why it gave up each episode of the last batch, if it said so."""
 
     def reset(self, observation: HostObservation) -> None:
         """Raises Failed; PolicyError where a policy that hung or went away does not come back."""
-        limit = RESET_SHARE * self.time_limit
+        limit, self.failures = RESET_SHARE * self.time_limit, ()
         if self._connection is None:
             self._connect(self.time_limit, limit)
-        self._ask("reset", observation, "ready", limit)
+        header, _ = self._ask("reset", observation, "ready", limit)
+        said = header.get("failures", ())
+        if not isinstance(said, list | tuple) or not all(isinstance(one, str) for one in said):
+            raise Failed("answer: its failures are no list of strings")
+        self.failures = tuple(" ".join(one.split())[:_LONGEST_REASON] for one in said)
 
     def act(self, observation: HostObservation) -> np.ndarray:
         """Raises Failed."""
-        return self._ask("act", observation, "targets", self.time_limit)
+        _, arrays = self._ask("act", observation, "targets", self.time_limit)
+        return arrays["targets"]
 
-    def _ask(self, kind: str, observation: HostObservation, wanted: str, limit: float) -> Any:
+    def _ask(
+        self, kind: str, observation: HostObservation, wanted: str, limit: float
+    ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """The header and arrays of the answer that is wanted. Raises Failed."""
         if self._connection is None:
             raise Failed("disconnected: the connection was lost before")
         try:
             header, arrays = self._connection.ask(packed(kind, _arrays(observation)), limit)
             if header.get("kind") == "error":
-                raise Failed("raised: " + " ".join(str(header.get("message", "")).split())[:200])
+                said = " ".join(str(header.get("message", "")).split())
+                raise Failed(f"raised: {said[:_LONGEST_REASON]}")
             if header.get("kind") != wanted or (wanted == "targets" and "targets" not in arrays):
                 raise Garbage(f"{header.get('kind')!r} in answer to {kind!r}")
         except TimeoutError:
@@ -185,7 +197,7 @@ class Remote:
         except Garbage as error:
             self._hang_up()
             raise Failed(f"answer: {error}") from None
-        return arrays.get("targets")
+        return header, arrays
 
     def _connect(self, patience: float, limit: float) -> dict[str, Any]:
         """Connects and says hello; for `patience` [s] again and again. Raises PolicyError."""

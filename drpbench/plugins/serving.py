@@ -53,20 +53,21 @@ class Served:
                 )
             observation, count = _observation(arrays)
             if kind == "reset":
-                self._reset(observation, count)
-                return packed("ready")
+                return packed("ready", failures=self._reset(observation, count))
             return packed("targets", {"targets": self._act(observation, count)})
         except Failed as failed:
             return packed("error", message=str(failed).removeprefix("raised: "))
         except Exception as error:  # their own code
             return packed("error", message=told(error))
 
-    def _reset(self, observation: Observation, count: int) -> None:
+    def _reset(self, observation: Observation, count: int) -> tuple[str, ...]:
+        """Why the policy gives up each episode; "" where it does not."""
         policy, self._clock = self._choice.policy, 0
         if isinstance(policy, Hosted):
             policy.reset(observation, count)
-        else:
-            self._carry = _init(policy, _filled(observation, count))
+            return policy.failures(count)
+        self._carry = _init(policy, _filled(observation, count))
+        return ("",) * count
 
     def _act(self, observation: Observation, count: int) -> np.ndarray:
         policy = self._choice.policy

@@ -130,6 +130,27 @@ def test_what_stands_over_it_is_the_scorers_and_parameters_are_the_same():
             assert choice.parameters == choose(name, ["speed=0.3"]).parameters
 
 
+GIVES_UP = """
+class GivesUp:
+    def reset(self, observation):
+        self.failures = ["no way", ""]
+
+    def act(self, observation):
+        return observation.joint_position
+"""
+
+
+@pytest.mark.slow
+def test_what_it_gives_up_is_told_through_the_wall(tmp_path, monkeypatch):
+    (tmp_path / "tired.py").write_text(GIVES_UP)
+    monkeypatch.chdir(tmp_path)
+    with isolated("tired:GivesUp") as choice:
+        one = observation(PANDA.home, PANDA.home)
+        seen = jax.tree.map(lambda leaf: np.stack([leaf, leaf]), one)
+        choice.policy.reset(seen, 2)
+        assert choice.policy.failures(2) == ("no way", "")
+
+
 @pytest.mark.slow
 def test_what_cannot_be_made_is_one_line():
     with pytest.raises(PolicyError, match="no module") as caught, isolated("nowhere.at:All"):

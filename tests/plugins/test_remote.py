@@ -225,6 +225,8 @@ def test_who_speaks_garbage_is_refused_in_one_line(answer, said):
         ),
         ([packed("ready"), packed("targets")], "answer: 'targets' in answer to 'act'"),
         ([packed("ready"), b"garbage, and more"], "answer: an answer begins with b'garb'"),
+        ([packed("ready", failures="none")], "answer: its failures are no list of strings"),
+        ([packed("ready", failures=[1])], "answer: its failures are no list of strings"),
         ([packed("ready"), None], "disconnected: the other side closed"),
         ([packed("ready"), b"DRP1"], "timeout: act took longer than 0.4 s"),
     ],
@@ -237,6 +239,14 @@ def test_garbage_in_the_middle_of_a_run_fails_the_batch(answers, status):
         remote.reset(small)
         remote.act(small)
     assert str(failed.value).startswith(status)
+
+
+def test_why_it_gives_up_an_episode_is_told():
+    small = HostObservation(**{name: np.zeros((1, 1)) for name in OBSERVED})
+    remote = Remote(scripted(hello(), packed("ready", failures=["no\npath " + 300 * "x"])), LIMIT)
+    remote.reset(small)
+    (said,) = remote.failures
+    assert said.startswith("no path x") and len(said) == 200
 
 
 def test_one_that_goes_away_for_good_ends_the_run(example):
