@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -146,7 +147,7 @@ def test_what_it_gives_up_is_told_through_the_wall(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with isolated("tired:GivesUp") as choice:
         one = observation(PANDA.home, PANDA.home)
-        seen = jax.tree.map(lambda leaf: np.stack([leaf, leaf]), one)
+        seen = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), one)
         choice.policy.reset(seen, 2)
         assert choice.policy.failures(2) == ("no way", "")
 
