@@ -1,6 +1,8 @@
 """The commands on problem sets: to look at them, export them and draw sealed ones."""
 
 import os
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +10,7 @@ import typer
 
 from drpbench.errors import InputError
 
+from .extras import require
 from .options import ProblemsFrom, given_set, one_task, parse_tasks
 
 problems_app = typer.Typer(
@@ -42,14 +45,115 @@ def export(
 
     problem_set = given_set(problems_from) or load_set()
     names = parse_tasks(task, problem_set)
+    _require_new(out)
+    _write(out, export_lines(problem_set, names))
+    typer.echo(f"wrote {out}")
+
+
+@problems_app.command("import")
+def import_(
+    path: Annotated[
+        Path,
+        typer.Argument(
+            help="A folder of MoveIt's requests and scenes (MotionBenchMaker), or robometrics' YAML"
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="The file of JSON lines to write.")],
+    name: Annotated[
+        str | None, typer.Option(help="What results call the set [default: the file's or folder's]")
+    ] = None,
+    finger_opening: Annotated[
+        float | None,
+        typer.Option(help="Of each finger from the middle, in metres [default: the set's own]"),
+    ] = None,
+    ground: Annotated[
+        bool, typer.Option(help="Whether the arm stands on a table or floor at z = 0.")
+    ] = False,
+) -> None:
+    """Take over problems of other projects, as a file that --problems-from reads.
+
+    Nothing is overwritten. `drpbench problems check` says which of them are valid.
+    """
+    if finger_opening is not None and not 0.0 <= finger_opening <= 0.1:
+        raise InputError(f"--finger-opening {finger_opening:g}: expected 0 to 0.1 m")
+    _require_new(out)
+    require("sets", "problems import")
+    from drpbench.problems.foreign import import_problems
+
+    found = import_problems(path, name, finger_opening=finger_opening, ground=ground)
+    _write(out, found.lines)
+    families = ", ".join(f"{family} {count}" for family, count in found.families.items())
+    typer.echo(f"wrote {out}: {found.families.total()} problems ({families})")
+    for reason, count in found.left_out.items():
+        typer.echo(f"left out: {count}, {reason}")
+    if found.touching:
+        typer.echo(f"{found.touching} goals touch something by the collision spheres")
+
+
+@problems_app.command("check")
+def check(
+    path: Annotated[Path, typer.Argument(help="A file of JSON lines, as --problems-from reads.")],
+    effort: Annotated[
+        int, typer.Option(help="How many configurations are tried in search of a way.")
+    ] = 100_000,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the valid ones, with the ways found, to this file.")
+    ] = None,
+) -> None:
+    """Say of each problem whether it is valid, and why not: both ends free, and a way between them.
+
+    By the collision spheres, and by the arm's real meshes where they are at hand. Ends with 1 where
+    a problem is not valid.
+    """
+    if effort < 1:
+        raise InputError(f"--effort {effort}: must be at least 1")
+    if out is not None:
+        _require_new(out)
+    from drpbench.generation.validity import Validity
+    from drpbench.problems import export_lines, load_set
+
+    problem_set = load_set(path)
+    validity = Validity(problem_set.robot, effort)
+    if not validity.by_meshes:
+        typer.echo("by the collision spheres alone: the arm's real meshes are not at hand")
+    kept, faults = {}, 0
+    for task in problem_set.tasks:
+        problems, ways = problem_set.task(task), {}
+        for id in range(problems.count):
+            way = validity.way(problems, id)
+            if isinstance(way, str):
+                faults += 1
+                typer.echo(f"{task} {id} ({problems.family[id]}): {way}")
+            else:
+                ways[id] = way
+        typer.echo(f"{task}: {len(ways)} of {problems.count} are valid")
+        kept[task] = problems.with_ways(ways)
+    if out is not None:
+        valid = replace(problem_set, problems={t: p for t, p in kept.items() if p.count})
+        if not valid.problems:
+            raise InputError(f"{path}: no valid problem; nothing written")
+        _write(out, export_lines(valid))
+        typer.echo(f"wrote {out}")
+    if faults:
+        raise typer.Exit(1)
+
+
+def _require_new(out: Path) -> None:
+    if out.suffix != ".jsonl":
+        raise InputError(f"--out {out}: the problem set must end in .jsonl")
     if out.exists():
         raise InputError(f"{out}: exists; nothing overwritten. Name another file with --out")
+
+
+def _write(out: Path, lines: Iterable[str]) -> None:
+    """A new file, whole or not at all."""
+    half = out.with_name(f".{out.name}.half")
     try:
-        with open(out, "x", encoding="utf-8") as file:
-            file.writelines(f"{line}\n" for line in export_lines(problem_set, names))
+        half.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+        half.rename(out)
     except OSError as error:
+        half.unlink(missing_ok=True)
         raise InputError(f"{out}: cannot be written ({error.strerror})") from None
-    typer.echo(f"wrote {out}")
 
 
 @problems_app.command("draw")

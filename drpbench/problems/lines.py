@@ -218,7 +218,7 @@ def _problem(
     obstacles = values.get("obstacles")
     if not isinstance(obstacles, list):
         raise _Fault("obstacles: expected a list")
-    found["obstacles"] = _scene(obstacles)
+    found["obstacles"] = scene_of(obstacles)
     if values.get("witness"):
         found["witness"] = _numbers(values, "witness", (len(values["witness"]), joints))
     else:
@@ -226,7 +226,8 @@ def _problem(
     return found
 
 
-def _scene(obstacles: Sequence[Any]) -> Obstacles:
+def scene_of(obstacles: Sequence[Any]) -> Obstacles:
+    """Obstacles as a problem's line has them. Raises a fault of the line."""
     rows = []
     for index, values in enumerate(obstacles):
         try:

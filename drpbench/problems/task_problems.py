@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,6 +64,22 @@ class TaskProblems:
             goal_quaternion=self.goal_quaternion[index].astype(np.float32),
             obstacles=self.obstacles[index].primitives(),
             witness=np.stack([self._way(id) for id in index]) if len(index) else None,
+        )
+
+    def with_ways(self, ways: Mapping[int, np.ndarray]) -> TaskProblems:
+        """Those of these numbers alone, numbered anew, each with this witness (m, J)."""
+        index = np.array(list(ways), int)
+        return replace(
+            self,
+            obstacles=self.obstacles[index],
+            start=self.start[index],
+            goal=self.goal[index],
+            goal_position=self.goal_position[index],
+            goal_quaternion=self.goal_quaternion[index],
+            family=[self.family[id] for id in index],
+            pair=[self.pair[id] for id in index],
+            level=self.level[index],
+            witness=list(ways.values()),
         )
 
     def _way(self, id: int) -> np.ndarray:
