@@ -42,7 +42,6 @@ def names(requirements):
         ("record", "mcap", "replay result.json --id 3"),
         ("record", "mcap", "report --out new.html"),
         ("record", "zstandard", "replay FDO-00003.mcap"),
-        ("sets", "yaml", "problems import scenes --out new.jsonl"),
         ("record", "foxglove_schemas_protobuf", "run --task FDO --problems 1 --record"),
     ],
 )

@@ -7,7 +7,6 @@ from drpbench.errors import InputError
 EXTRAS = {
     "train": ("mink", "optax", "orbax"),
     "record": ("PIL", "foxglove_schemas_protobuf", "mcap", "mcap_protobuf", "zstandard"),
-    "sets": ("yaml",),
 }
 """Import names of an extra's packages, as in pyproject.toml."""
 

@@ -10,7 +10,6 @@ import typer
 
 from drpbench.errors import InputError
 
-from .extras import require
 from .options import ProblemsFrom, given_set, one_task, parse_tasks
 
 problems_app = typer.Typer(
@@ -77,7 +76,6 @@ def import_(
     if finger_opening is not None and not 0.0 <= finger_opening <= 0.1:
         raise InputError(f"--finger-opening {finger_opening:g}: expected 0 to 0.1 m")
     _require_new(out)
-    require("sets", "problems import")
     from drpbench.problems.foreign import import_problems
 
     found = import_problems(path, name, finger_opening=finger_opening, ground=ground)

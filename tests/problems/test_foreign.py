@@ -5,6 +5,7 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from drpbench.cli.app import app
@@ -12,8 +13,6 @@ from drpbench.geometry.host_rotation import axis_angle, multiply
 from drpbench.problems import load_set
 from drpbench.problems.foreign import ForeignError, import_problems
 from drpbench.robot import PANDA
-
-yaml = pytest.importorskip("yaml", reason="PyYAML is not installed (drpbench[sets])")
 
 JOINTS = [f"panda_joint{number}" for number in range(1, 8)]
 FINGERS = ["panda_finger_joint1", "panda_finger_joint2"]

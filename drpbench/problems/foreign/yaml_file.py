@@ -3,15 +3,15 @@
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from .problem import ForeignError
 
 _LARGEST = 256 << 20  # [bytes]
 
 
 def read_yaml(path: Path) -> Any:
-    """The plain values in a file. Raises ForeignError. Needs the extra `sets`."""
-    import yaml
-
+    """The plain values in a file. Raises ForeignError."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
         if path.stat().st_size > _LARGEST:
