@@ -76,7 +76,7 @@ def import_(
     if finger_opening is not None and not 0.0 <= finger_opening <= 0.1:
         raise InputError(f"--finger-opening {finger_opening:g}: expected 0 to 0.1 m")
     _require_new(out)
-    from drpbench.problems.foreign import import_problems
+    from drpbench.problems.formats import import_problems
 
     found = import_problems(path, name, finger_opening=finger_opening, ground=ground)
     _write(out, found.lines)

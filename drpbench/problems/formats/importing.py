@@ -15,7 +15,7 @@ from drpbench.robot import Robot
 from drpbench.robot.arms import arm as arm_of
 
 from .moveit import read_moveit
-from .problem import Foreign, ForeignError
+from .problem import FormatError, OtherProblem
 from .robometrics import read_robometrics
 
 KNOWN = {
@@ -49,7 +49,7 @@ def import_problems(
 ) -> Imported:
     """The problems of a folder of MoveIt's scenes and requests, or of a file of robometrics'.
 
-    Of several goals the free one nearest to the start is kept. Raises ForeignError, and
+    Of several goals the free one nearest to the start is kept. Raises FormatError, and
     DrpbenchError for an arm that there is not.
     """
     if path.is_dir():
@@ -57,19 +57,19 @@ def import_problems(
     elif path.suffix in (".yaml", ".yml"):
         kind = "robometrics"
     elif path.suffix in (".pkl", ".pickle"):
-        raise ForeignError(
+        raise FormatError(
             f"{path}: pickles are not read, for they can run code; robometrics' YAML has the same "
             "problems"
         )
     else:
-        raise ForeignError(
+        raise FormatError(
             f"{path}: expected a folder of MoveIt's scene and request YAML, or robometrics' YAML"
         )
     read = read_moveit if kind == "moveit" else read_robometrics
     every = list(read(path, arm, arm_of(arm).joints))
     openings = {one.finger_opening for one in every}
     if finger_opening is None and len(openings) > 1:
-        raise ForeignError(
+        raise FormatError(
             f"{path}: the fingers are {sorted(openings)} m open; a set has one opening: name it "
             "with --finger-opening"
         )
@@ -88,7 +88,7 @@ def import_problems(
         found.families[one.family] += 1
         found.lines.append(json.dumps(problem))
     if not found.lines:
-        raise ForeignError(f"{path}: no problem of it can be taken over: {_told(found.left_out)}")
+        raise FormatError(f"{path}: no problem of it can be taken over: {_told(found.left_out)}")
     header = header_line(found.name, ["SE"], arm, opening, ground)
     return Imported(found.name, [header, *found.lines], found.families, found.left_out, touching)
 
@@ -104,7 +104,7 @@ def _name(path: Path) -> str:
     return f"moveit-{path.resolve().name}"
 
 
-def _taken(one: Foreign, robot: Robot, spheres: Checker) -> tuple[dict[str, Any], bool] | str:
+def _taken(one: OtherProblem, robot: Robot, spheres: Checker) -> tuple[dict[str, Any], bool] | str:
     """The problem as a line has it, and whether its goal is free; or why it is left out."""
     if one.infeasible:
         return "infeasible by their own set"

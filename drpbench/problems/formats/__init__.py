@@ -2,5 +2,5 @@
 
 from .importing import Imported as Imported
 from .importing import import_problems as import_problems
-from .problem import Foreign as Foreign
-from .problem import ForeignError as ForeignError
+from .problem import FormatError as FormatError
+from .problem import OtherProblem as OtherProblem

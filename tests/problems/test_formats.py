@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from drpbench.cli.app import app
 from drpbench.geometry.host_rotation import axis_angle, multiply
 from drpbench.problems import load_set
-from drpbench.problems.foreign import ForeignError, import_problems
+from drpbench.problems.formats import FormatError, import_problems
 from drpbench.robot import PANDA
 
 JOINTS = [f"panda_joint{number}" for number in range(1, 8)]
@@ -233,7 +233,7 @@ OBJECTS = ("world", "collision_objects")
 )
 def test_a_damaged_scene_is_refused_in_one_line(tmp_path, request_, scene, said):
     folder = moveit(tmp_path, request_, scene)
-    with pytest.raises(ForeignError, match=said) as raised:
+    with pytest.raises(FormatError, match=said) as raised:
         import_problems(folder)
     assert "\n" not in str(raised.value) and str(tmp_path) in str(raised.value)
 
@@ -265,7 +265,7 @@ BOMB = "a0: &a0 [9, 9, 9, 9, 9, 9, 9, 9, 9]\n" + "".join(
 def test_a_hostile_file_is_refused_in_one_line_and_nothing_is_written(tmp_path, text, said):
     path, out = tmp_path / "set.yaml", tmp_path / "out.jsonl"
     path.write_text(text)
-    with pytest.raises(ForeignError, match=said) as raised:
+    with pytest.raises(FormatError, match=said) as raised:
         import_problems(path)
     assert "\n" not in str(raised.value) and len(str(raised.value)) < 400
     assert run("problems", "import", path, "--out", out).exit_code != 0
@@ -278,16 +278,16 @@ def test_other_files_and_two_openings_are_refused(tmp_path):
         ("x.json", "expected a folder of MoveIt"),
     ):
         (tmp_path / name).touch()
-        with pytest.raises(ForeignError, match=said):
+        with pytest.raises(FormatError, match=said):
             import_problems(tmp_path / name)
-    with pytest.raises(ForeignError, match="cannot be read"):
+    with pytest.raises(FormatError, match="cannot be read"):
         import_problems(tmp_path / "absent.yaml")
     folder = moveit(tmp_path / "mbm")
     other = changed(REQUEST, "start_state", "joint_state", "position", [0.02, 0.02, *START])
     moveit(folder, other, SCENE, "cage_panda")
-    with pytest.raises(ForeignError, match=r"\[0.02, 0.065\] m open.*--finger-opening"):
+    with pytest.raises(FormatError, match=r"\[0.02, 0.065\] m open.*--finger-opening"):
         import_problems(folder)
     assert len(import_problems(folder, finger_opening=0.04).lines) == 3
     (folder / "cage_panda" / "scene0001.yaml").unlink()
-    with pytest.raises(ForeignError, match="there is no scene0001.yaml beside it"):
+    with pytest.raises(FormatError, match="there is no scene0001.yaml beside it"):
         import_problems(folder)

@@ -12,26 +12,26 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from .problem import Foreign, ForeignError, field, items, numbers, obstacle, require_room
+from .problem import FormatError, OtherProblem, field, items, numbers, obstacle, require_room
 from .yaml_file import read_yaml
 
 OPENING = 0.025  # [m] of each finger from the middle; no file says it
 
 
-def read_robometrics(path: Path, arm: str, joints: int) -> Iterator[Foreign]:
-    """Every problem in a file, in its order. Raises ForeignError."""
+def read_robometrics(path: Path, arm: str, joints: int) -> Iterator[OtherProblem]:
+    """Every problem in a file, in its order. Raises FormatError."""
     families = read_yaml(path)
     if not isinstance(families, Mapping) or not families:
-        raise ForeignError(f"{path}: expected families of problems")
+        raise FormatError(f"{path}: expected families of problems")
     for family, listed in families.items():
         for number, one in enumerate(items(listed, f"{path}: {family}")):
             where = f"{path}: {family} {number}"
             frame = one.get("world_frame") if isinstance(one, Mapping) else None
             if frame not in (None, f"{arm}_link0"):
-                raise ForeignError(f"{where}: expected the frame {arm}_link0, got {frame!r}")
+                raise FormatError(f"{where}: expected the frame {arm}_link0, got {frame!r}")
             goals = items(field(one, "goal_ik", where), where)
             (room,) = numbers([one.get("collision_buffer_ik", 0)], 1, where)
-            yield Foreign(
+            yield OtherProblem(
                 where=where,
                 family=str(family).removesuffix(f"_{arm}"),
                 start=numbers(field(one, "start", where), joints, f"{where}: start"),
@@ -45,12 +45,12 @@ def read_robometrics(path: Path, arm: str, joints: int) -> Iterator[Foreign]:
 def _obstacles(listed: Any, where: str) -> list[dict[str, Any]]:
     found = []
     if not isinstance(listed, Mapping):
-        raise ForeignError(f"{where}: obstacles: expected cuboid and cylinder")
+        raise FormatError(f"{where}: obstacles: expected cuboid and cylinder")
     for kind, solids in listed.items():
         if kind not in ("cuboid", "cylinder", "sphere"):
-            raise ForeignError(f"{where}: obstacles: expected cuboid and cylinder, got {kind!r}")
+            raise FormatError(f"{where}: obstacles: expected cuboid and cylinder, got {kind!r}")
         if not isinstance(solids, Mapping):
-            raise ForeignError(f"{where}: {kind}: expected obstacles by name")
+            raise FormatError(f"{where}: {kind}: expected obstacles by name")
         for name, one in solids.items():
             at = f"{where}: {name}"
             size: dict[str, Any]

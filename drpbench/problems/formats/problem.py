@@ -11,12 +11,12 @@ from drpbench.geometry import MAX_OBSTACLES
 _FAR = 100.0  # [m]: what is farther away or larger is no obstacle of an arm's
 
 
-class ForeignError(DrpbenchError):
+class FormatError(DrpbenchError):
     """A file that is not of its format; the message is one line that names it."""
 
 
 @dataclass(frozen=True)
-class Foreign:
+class OtherProblem:
     """A problem of the task SE: joints [rad], obstacles as lines of a set's file have them."""
 
     where: str
@@ -33,28 +33,28 @@ class Foreign:
 
 
 def field(values: Any, name: str, where: str) -> Any:
-    """The value of a mapping's field. Raises ForeignError."""
+    """The value of a mapping's field. Raises FormatError."""
     if not isinstance(values, Mapping):
-        raise ForeignError(f"{where}: expected fields, among them {name}")
+        raise FormatError(f"{where}: expected fields, among them {name}")
     if name not in values:
-        raise ForeignError(f"{where}: there is no {name}")
+        raise FormatError(f"{where}: there is no {name}")
     return values[name]
 
 
 def items(values: Any, where: str) -> Sequence[Any]:
-    """A list. Raises ForeignError."""
+    """A list. Raises FormatError."""
     if not isinstance(values, list):
-        raise ForeignError(f"{where}: expected a list")
+        raise FormatError(f"{where}: expected a list")
     return values
 
 
 def numbers(values: Any, count: int, where: str) -> list[float]:
-    """A list of so many finite numbers. Raises ForeignError."""
+    """A list of so many finite numbers. Raises FormatError."""
     if not isinstance(values, list) or len(values) != count:
-        raise ForeignError(f"{where}: expected {count} numbers")
+        raise FormatError(f"{where}: expected {count} numbers")
     for value in values:
         if isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
-            raise ForeignError(f"{where}: expected {count} finite numbers")
+            raise FormatError(f"{where}: expected {count} finite numbers")
     return [float(value) for value in values]
 
 
@@ -74,25 +74,25 @@ def obstacle(
 ) -> dict[str, Any]:
     """An obstacle as a line of a set's file has it; `quaternion` is wxyz, of any length but 0.
 
-    Raises ForeignError for a size that is none.
+    Raises FormatError for a size that is none.
     """
     length = math.hypot(*quaternion)
     if not 0.5 < length < 2.0:
-        raise ForeignError(f"{where}: expected a unit quaternion, got one of length {length:g}")
+        raise FormatError(f"{where}: expected a unit quaternion, got one of length {length:g}")
     sizes = [
         one for value in size.values() for one in (value if isinstance(value, list) else [value])
     ]
     if not all(0.0 < one < _FAR for one in sizes):
-        raise ForeignError(f"{where}: expected sizes above 0 and below {_FAR:g} m, got {sizes}")
+        raise FormatError(f"{where}: expected sizes above 0 and below {_FAR:g} m, got {sizes}")
     if not all(abs(one) < _FAR for one in position):
-        raise ForeignError(f"{where}: expected a place within {_FAR:g} m, got {list(position)}")
+        raise FormatError(f"{where}: expected a place within {_FAR:g} m, got {list(position)}")
     turn = [one / length for one in quaternion]
     return {"shape": shape, **size, "position": list(position), "quaternion": turn}
 
 
 def require_room(obstacles: Sequence[Any], where: str) -> None:
-    """Raises ForeignError for more obstacles than a scene has room for."""
+    """Raises FormatError for more obstacles than a scene has room for."""
     if len(obstacles) > MAX_OBSTACLES:
-        raise ForeignError(
+        raise FormatError(
             f"{where}: {len(obstacles)} obstacles; a scene has room for {MAX_OBSTACLES}"
         )

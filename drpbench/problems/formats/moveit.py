@@ -15,31 +15,31 @@ import numpy as np
 
 from drpbench.geometry.host_rotation import multiply
 
-from .problem import Foreign, ForeignError, field, items, numbers, obstacle, require_room
+from .problem import FormatError, OtherProblem, field, items, numbers, obstacle, require_room
 from .yaml_file import read_yaml
 
 USUAL_OPENING = 0.04  # [m], where a request does not say
 _UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def read_moveit(folder: Path, arm: str, joints: int) -> Iterator[Foreign]:
+def read_moveit(folder: Path, arm: str, joints: int) -> Iterator[OtherProblem]:
     """Every problem in a folder and those below it, in the order of their names.
 
-    Raises ForeignError.
+    Raises FormatError.
     """
     requests = sorted(folder.rglob("request*.yaml"))
     if not requests:
-        raise ForeignError(
+        raise FormatError(
             f"{folder}: expected MoveIt's request0001.yaml and scene0001.yaml, got none"
         )
     for request in requests:
         scene = request.with_name(request.name.replace("request", "scene", 1))
         if not scene.is_file():
-            raise ForeignError(f"{request}: there is no {scene.name} beside it")
+            raise FormatError(f"{request}: there is no {scene.name} beside it")
         yield _problem(request, scene, arm, joints)
 
 
-def _problem(request: Path, scene: Path, arm: str, joints: int) -> Foreign:
+def _problem(request: Path, scene: Path, arm: str, joints: int) -> OtherProblem:
     asked, world = read_yaml(request), read_yaml(scene)
     names = [f"{arm}_joint{number}" for number in range(1, joints + 1)]
     state = field(field(asked, "start_state", f"{request}"), "joint_state", f"{request}")
@@ -51,7 +51,7 @@ def _problem(request: Path, scene: Path, arm: str, joints: int) -> Foreign:
     where = f"{request}: goal_constraints"
     goals = items(field(asked, "goal_constraints", f"{request}"), where)
     if len(goals) != 1 or not isinstance(goals[0], dict) or not goals[0].get("joint_constraints"):
-        raise ForeignError(f"{where}: expected one goal of joint_constraints")
+        raise FormatError(f"{where}: expected one goal of joint_constraints")
     goal = {}
     for one in items(goals[0]["joint_constraints"], where):
         name, value = field(one, "joint_name", where), field(one, "position", where)
@@ -59,11 +59,11 @@ def _problem(request: Path, scene: Path, arm: str, joints: int) -> Foreign:
     for given, what in ((start, "start_state"), (goal, "goal_constraints")):
         if missing := [name for name in names if name not in given]:
             arms = f"an arm called {arm}, whose joints are {names[0]} to {names[-1]}"
-            raise ForeignError(f"{request}: {what}: expected {arms}; there is no {missing[0]}")
+            raise FormatError(f"{request}: {what}: expected {arms}; there is no {missing[0]}")
     fingers = {value for name, value in start.items() if "finger" in name}
     if len(fingers) > 1:
-        raise ForeignError(f"{request}: expected both fingers equally open, got {sorted(fingers)}")
-    return Foreign(
+        raise FormatError(f"{request}: expected both fingers equally open, got {sorted(fingers)}")
+    return OtherProblem(
         where=str(request),
         family=request.parent.name.removesuffix(f"_{arm}"),
         start=[start[name] for name in names],
@@ -79,13 +79,13 @@ def _obstacles(world: Any, path: Path) -> list[dict[str, Any]]:
     for one in items(listed, str(path)):
         where = f"{path}: {str(field(one, 'id', str(path)))[:40]}"
         if one.get("meshes") or one.get("planes"):
-            raise ForeignError(
+            raise FormatError(
                 f"{where}: expected boxes, cylinders and spheres, got a mesh or plane"
             )
         solids = items(one.get("primitives", []), where)
         poses = items(one.get("primitive_poses", []), where)
         if len(solids) != len(poses):
-            raise ForeignError(f"{where}: {len(solids)} primitives with {len(poses)} poses")
+            raise FormatError(f"{where}: {len(solids)} primitives with {len(poses)} poses")
         own = _pose(one["pose"], where) if one.get("pose") else (_UNTURNED, np.zeros(3))
         for solid, pose in zip(solids, poses, strict=True):
             shape, size = _solid(solid, where)
@@ -107,7 +107,7 @@ def _solid(values: Any, where: str) -> tuple[str, dict[str, Any]]:
         return "cylinder", {"radius": radius, "height": height}
     if kind == "sphere":
         return "sphere", {"radius": numbers(size, 1, where)[0]}
-    raise ForeignError(f"{where}: expected a box, cylinder or sphere, got {kind!r}")
+    raise FormatError(f"{where}: expected a box, cylinder or sphere, got {kind!r}")
 
 
 def _pose(values: Any, where: str) -> tuple[np.ndarray, np.ndarray]:
