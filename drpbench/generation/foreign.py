@@ -1,4 +1,4 @@
-"""OtherProblem scenes: a yardstick for how far what was learned carries.
+"""Foreign scenes: a yardstick for how far what was learned carries.
 
 Nothing here is learned from, and no code is shared with what draws the scenes to learn from, but
 for the primitives and hand regions of `scene.py`. Settings may be chosen on these scenes; the
