@@ -9,7 +9,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import combinations
 from pathlib import Path
 
 from drpbench.errors import DrpbenchError
@@ -86,8 +86,6 @@ class Entry:
         seed: of the run; what is of several seeds is several entries.
         cells: by task, for the tasks it was run on.
         overall: over all its rows.
-        against_next: McNemar's test against the entry below; None for the last entry, and where
-            the two share no instance.
         rows: what it was counted from.
     """
 
@@ -98,7 +96,6 @@ class Entry:
     seed: int
     cells: Mapping[str, Cell]
     overall: Cell
-    against_next: Paired | None
     rows: tuple[Row, ...]
 
     def against(self, other: Entry) -> Paired:
@@ -296,13 +293,6 @@ def build(
     cells = {policy: _cells(rows[policy], expected) for policy in rows}
     partial = {policy: _partial(rows[policy], expected) for policy in rows}
     ranked = sorted(rows, key=lambda one: (partial[one], -overall[one].success.share, one))
-    tests: dict[str, Paired] = {}
-    for policy, below in pairwise(ranked):
-        if headers[policy].seed != headers[below].seed:
-            continue
-        test = paired(rows[policy], rows[below])
-        if test.shared:
-            tests[policy] = test
     first = next(iter(headers.values()))
     seen = {row.task for policy in rows for row in rows[policy]}
     versions = Counter(result.header.protocol for result in everything.values())
@@ -324,7 +314,6 @@ def build(
                 seed=headers[policy].seed,
                 cells=cells[policy],
                 overall=overall[policy],
-                against_next=tests.get(policy),
                 rows=tuple(rows[policy]),
             )
             for place, policy in enumerate(ranked, start=1)

@@ -51,7 +51,7 @@ def test_policies_are_sorted_by_overall_success(make_result):
     assert [entry.policy for entry in board.entries] == ["high", "a-low", "b-low"]
 
 
-def test_neighbours_are_compared_on_shared_instances(make_result):
+def test_two_entries_are_compared_on_shared_instances(make_result):
     board = build(
         {
             "a": make_result("a", {"FDO": "+++", "SE": "++++++"}),
@@ -61,9 +61,8 @@ def test_neighbours_are_compared_on_shared_instances(make_result):
         EXPECTED,
     )
     first, second, last = board.entries
-    assert first.against_next == Paired(2, 0, 3, mcnemar(2, 0))
-    assert second.against_next is None  # b ran FDO only and c SE only
-    assert last.against_next is None
+    assert first.against(second) == Paired(2, 0, 3, mcnemar(2, 0))
+    assert second.against(last).shared == 0  # b ran FDO only and c SE only
 
 
 def test_fewer_rows_than_problems_is_partial(make_result):
@@ -168,7 +167,6 @@ def test_runs_of_two_seeds_are_not_compared_in_pairs(make_result):
     own = {"a.json": make_result("mine", {"FDO": "++"}, seed=1)}
     assert beside(own, {"rmp.json": make_result("rmp", {"FDO": "--"})}) == {}
     board = build(own | {"b.json": make_result("mine", {"FDO": "+-"})}, EXPECTED)
-    assert board.entries[0].against_next is None
     assert [line[2:] for line in measures.paired_lines(board)] == [["–"] * 5]
 
 

@@ -19,7 +19,6 @@ choice:
   warm-up. Activations are ReLU, as in the authors' code.
 """
 
-import functools
 from typing import Any
 
 import jax
@@ -31,7 +30,9 @@ from jaxtyping import Array, Bool, Float
 
 from drpbench.robot import PANDA, Robot
 
+from . import as_functions
 from .arm import arm_at, joint_inputs, world
+from .as_functions import Parameters as Parameters
 from .chunks import CHUNK
 from .feelers import feeler_points, most_feelers
 from .impact_size import FULL as FULL
@@ -40,10 +41,6 @@ from .impact_size import SMALL as SMALL
 from .impact_size import ImpactSize
 from .layers import Linear, attention, greatest
 from .set_abstraction import farthest_points, gather, in_pieces, neighbourhoods
-
-Parameters = dict[str, Any]
-"""A nested dict of float32 arrays."""
-
 
 _LONGEST, _SHORTEST = 4.0, 0.1  # [m] wavelengths of the positional encoding
 _CLOSE = 0.1  # [m]
@@ -322,14 +319,7 @@ class ImpactNetwork(nnx.Module):
 
 def initial(size: ImpactSize, seed: int = 0, robot: Robot = PANDA) -> Parameters:
     """The parameters of an untrained network."""
-    return nnx.to_pure_dict(nnx.state(ImpactNetwork(size, nnx.Rngs(seed), robot=robot), nnx.Param))
-
-
-@functools.cache
-def _form(size: ImpactSize, dtype: str, robot: Robot) -> tuple[Any, Any]:
-    """The network without its numbers."""
-    network = nnx.eval_shape(lambda: ImpactNetwork(size, nnx.Rngs(0), jnp.dtype(dtype), robot))
-    return nnx.split(network, nnx.Param)
+    return as_functions.initial(ImpactNetwork, size, seed, robot)
 
 
 def shapes(size: ImpactSize, robot: Robot = PANDA) -> dict[str, Any]:
@@ -337,7 +327,7 @@ def shapes(size: ImpactSize, robot: Robot = PANDA) -> dict[str, Any]:
 
     Raises ValueError for more feelers than the arm has places for.
     """
-    return nnx.to_pure_dict(_form(size, "float32", robot)[1])
+    return as_functions.shapes(ImpactNetwork, size, robot)
 
 
 def apply(
@@ -353,7 +343,5 @@ def apply(
     robot: Robot = PANDA,
 ) -> Float[Array, "*batch 10 J"]:
     """The network of this size with these parameters; see `ImpactNetwork`."""
-    form, state = _form(size, dtype, robot)
-    nnx.replace_by_pure_dict(state, parameters)
-    network = nnx.merge(form, state)
+    network = as_functions.network(ImpactNetwork, size, parameters, dtype, robot)
     return network(scene_points, scene_mask, robot_points, joints, goal)

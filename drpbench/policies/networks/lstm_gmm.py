@@ -11,7 +11,6 @@ to the goal and its direction, and the action is in the units of a chunk (`chunk
 not squashed, for those units know no bound.
 """
 
-import functools
 from typing import Any
 
 import jax
@@ -23,14 +22,14 @@ from jaxtyping import Array, Bool, Float
 
 from drpbench.robot import PANDA, Robot
 
+from . import as_functions
 from .arm import arm_at, joint_inputs
+from .as_functions import Parameters as Parameters
 from .gaussian_mixture import GaussianMixture
 from .layers import Linear, greatest
 from .lstm_gmm_size import LstmGmmSize
 from .set_abstraction import farthest_points, gather, in_pieces, neighbourhoods
 
-Parameters = dict[str, Any]
-"""A nested dict of float32 arrays."""
 State = Float[Array, "*batch 2 layers width"]
 """Of the LSTM: each layer's output and its cell. Zeros before the first step."""
 
@@ -187,25 +186,12 @@ class LstmGmmNetwork(nnx.Module):
 
 def initial(size: LstmGmmSize, seed: int = 0, robot: Robot = PANDA) -> Parameters:
     """The parameters of an untrained network."""
-    return nnx.to_pure_dict(nnx.state(LstmGmmNetwork(size, nnx.Rngs(seed), robot=robot), nnx.Param))
-
-
-@functools.cache
-def _form(size: LstmGmmSize, dtype: str, robot: Robot) -> tuple[Any, Any]:
-    """The network without its numbers."""
-    network = nnx.eval_shape(lambda: LstmGmmNetwork(size, nnx.Rngs(0), jnp.dtype(dtype), robot))
-    return nnx.split(network, nnx.Param)
-
-
-def _network(size: LstmGmmSize, parameters: Parameters, dtype: str, robot: Robot) -> LstmGmmNetwork:
-    form, state = _form(size, dtype, robot)
-    nnx.replace_by_pure_dict(state, parameters)
-    return nnx.merge(form, state)
+    return as_functions.initial(LstmGmmNetwork, size, seed, robot)
 
 
 def shapes(size: LstmGmmSize, robot: Robot = PANDA) -> dict[str, Any]:
     """The tree of the parameters, with a shape and type in place of each array."""
-    return nnx.to_pure_dict(_form(size, "float32", robot)[1])
+    return as_functions.shapes(LstmGmmNetwork, size, robot)
 
 
 def start(size: LstmGmmSize, batch: tuple[int, ...] = ()) -> Float[Array, "*batch 2 layers width"]:
@@ -226,7 +212,7 @@ def step(
     robot: Robot = PANDA,
 ) -> tuple[GaussianMixture, State]:
     """One control step of the network of this size with these parameters."""
-    network = _network(size, parameters, "float32", robot)
+    network = as_functions.network(LstmGmmNetwork, size, parameters, robot=robot)
     return network(scene_points, scene_mask, robot_points, joints, goal, state)
 
 
@@ -243,7 +229,7 @@ def unrolled(
     robot: Robot = PANDA,
 ) -> GaussianMixture:
     """The mixtures of H control steps in a row, the LSTM beginning anew: of shape (*batch, H)."""
-    network = _network(size, parameters, dtype, robot)
+    network = as_functions.network(LstmGmmNetwork, size, parameters, dtype, robot)
     seen = network.look(scene_points, scene_mask, robot_points, joints, goal)
     state, mixtures = start(size, seen.shape[:-2]), []
     for at in range(seen.shape[-2]):
