@@ -1,6 +1,7 @@
 """Makes a frozen problem set: `drpbench/problems/data/drpbench-v1.npz` and its manifest.
 
     DRPBENCH_MESHES=<folder of the real meshes> python scripts/freeze_problems.py
+    DRPBENCH_MESHES=<folder of the real meshes> python scripts/freeze_problems.py --name NAME
 
 Finished problems are kept in shards under `--shards`, so that a run that was cut off goes on where
 it stopped. A shard belongs to one state of the generator and the spheres: when either changes, the
@@ -16,16 +17,51 @@ import multiprocessing
 import os
 import time
 from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from drpbench.generation.composition import COMPOSITION, group_of, size_of
+from drpbench.generation import generator, mpinets_like
+from drpbench.generation.composition import COMPOSITION, Group, group_of, size_of
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARD = 25  # problems in a shard
 _generator = None  # one a process
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a set is made of."""
+
+    tasks: Mapping[str, int]
+    """How many problems of each."""
+    groups: Callable[[str, int], Group]
+    stream: str
+    ground: bool
+    how: Mapping[str, Any] = field(default_factory=dict)
+    """What the generator is given."""
+
+
+RECIPES = {
+    "drpbench-v1": Recipe(
+        {task: size_of(task) for task in COMPOSITION}, group_of, generator.BENCHMARK_STREAM, True
+    ),
+    mpinets_like.NAME: Recipe(
+        {"SE": mpinets_like.SIZE},
+        mpinets_like.group_of,
+        mpinets_like.NAME,
+        False,
+        {
+            "families": mpinets_like.FAMILIES,
+            "groups": mpinets_like.group_of,
+            "keep_straight": 1.0,
+        },
+    ),
+}
 
 
 def fingerprint() -> str:
@@ -41,23 +77,25 @@ def fingerprint() -> str:
     return digest.hexdigest()[:12]
 
 
-def make_shard(job: tuple[str, int, int, Path]) -> Path:
+def make_shard(job: tuple[str, str, int, int, Path]) -> Path:
     """Generates problems `first` to `last` of a task into a shard, unless it is there already."""
     global _generator
-    task, first, last, folder = job
+    name, task, first, last, folder = job
+    recipe = RECIPES[name]
     path = folder / f"{task}-{first:05d}-{last:05d}.npz"
     if path.exists():
         return path
     if _generator is None:
-        from drpbench.generation.generator import CHECKER_MARGIN, Generator
         from drpbench.planning.checker import mesh_checker, sphere_checker
         from drpbench.robot import PANDA
 
         if (meshes := PANDA.meshes.find()) is None:
             raise SystemExit(f"certificates need the real meshes; {PANDA.meshes.absent}")
-        _generator = Generator(sphere_checker(CHECKER_MARGIN), mesh_checker(meshes))
+        _generator = generator.Generator(
+            sphere_checker(generator.CHECKER_MARGIN), mesh_checker(meshes), **recipe.how
+        )
     _generator.rejections.clear()
-    drafts = [_generator.problem(task, index) for index in range(first, last)]
+    drafts = [_generator.problem(task, index, recipe.stream) for index in range(first, last)]
     arrays = {
         "obstacle_count": np.array([d.scene.obstacles.count for d in drafts], np.uint8),
         "kind": np.concatenate([d.scene.obstacles.kind for d in drafts]).astype(np.uint8),
@@ -95,7 +133,7 @@ def merge(paths: dict[str, list[Path]], name: str, out: Path, provisional: bool)
                 arrays[f"{task}_{key}"] = np.concatenate([part[key] for part in parts])
         attempts = int(sum(part["attempts"].sum() for part in parts))
         n = len(arrays[f"{task}_start"])
-        groups = Counter(group_of(task, index) for index in range(n))
+        groups = Counter(RECIPES[name].groups(task, index) for index in range(n))
         tasks[task] = {
             "count": n,
             "attempts": attempts,
@@ -104,8 +142,6 @@ def merge(paths: dict[str, list[Path]], name: str, out: Path, provisional: bool)
                 for g, count in groups.items()
             ],
         }
-    from drpbench.generation import generator
-
     out.mkdir(parents=True, exist_ok=True)
     data = out / f"{name}.npz"
     with data.open("wb") as file:
@@ -117,7 +153,8 @@ def merge(paths: dict[str, list[Path]], name: str, out: Path, provisional: bool)
         "generator_version": generator.GENERATOR_VERSION,
         "generator_fingerprint": fingerprint(),
         "seed": generator.VERSION_SEED,
-        "stream": generator.BENCHMARK_STREAM,
+        "stream": RECIPES[name].stream,
+        "ground": RECIPES[name].ground,
         "made_with": {package: version(package) for package in ("numpy", "mujoco", "mink", "daqp")},
         "tasks": tasks,
         "rejected_attempts": dict(sorted(rejections.items())),
@@ -128,20 +165,22 @@ def merge(paths: dict[str, list[Path]], name: str, out: Path, provisional: bool)
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--name", default="drpbench-v1")
+    parser.add_argument("--name", choices=RECIPES, default="drpbench-v1")
     parser.add_argument("--out", type=Path, default=ROOT / "drpbench" / "problems" / "data")
     parser.add_argument("--shards", type=Path, default=ROOT / "build" / "problems")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--provisional", type=int, metavar="N", help="only N problems a task")
     arguments = parser.parse_args()
     made_from = fingerprint()
-    folder = arguments.shards / made_from
+    folder = arguments.shards / arguments.name / made_from
     folder.mkdir(parents=True, exist_ok=True)
     jobs = []
-    for task in COMPOSITION:
-        count = min(size_of(task), arguments.provisional or size_of(task))
-        jobs += [(task, i, min(i + SHARD, count), folder) for i in range(0, count, SHARD)]
-    began, paths = time.monotonic(), {task: [] for task in COMPOSITION}
+    tasks = RECIPES[arguments.name].tasks
+    for task, size in tasks.items():
+        count = min(size, arguments.provisional or size)
+        firsts = range(0, count, SHARD)
+        jobs += [(arguments.name, task, i, min(i + SHARD, count), folder) for i in firsts]
+    began, paths = time.monotonic(), {task: [] for task in tasks}
     with multiprocessing.get_context("spawn").Pool(arguments.workers) as pool:
         for done, path in enumerate(pool.imap(make_shard, jobs), 1):
             paths[path.name.split("-")[0]].append(path)

@@ -27,7 +27,8 @@ TimeLimit = Annotated[
 ProblemsFrom = Annotated[
     Path | None,
     typer.Option(
-        help="The problem set, a file of JSON lines (docs/problems.md) [default: drpbench-v1]"
+        help="The problem set: a file of JSON lines (docs/problems.md), or mpinets-like-v1, which "
+        "comes with the package [default: drpbench-v1]"
     ),
 ]
 Seed = Annotated[int, typer.Option(help="The seed of everything random. Compare equal seeds only.")]

@@ -7,7 +7,7 @@ random stream of its own, and effort is counted in collision checks, never in se
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,9 +71,14 @@ class Generator:
         meshes: Checker | None,
         ik: InverseKinematics | HostInverseKinematics | None = None,
         shortcuts: int = _SHORTCUTS,
+        families: Mapping[str, Callable[[np.random.Generator], Scene]] = FAMILIES,
+        groups: Callable[[str, int], Group] = group_of,
+        keep_straight: float = KEEP_STRAIGHT,
     ):
-        """`ik` is mink's unless another is given; `shortcuts` are tried on a witness. The
-        benchmark's problems are of the defaults."""
+        """`ik` is mink's unless another is given; `shortcuts` are tried on a witness. `groups` says
+        of which group a task's problem is, and `families` draw its scene. The benchmark's problems
+        are of the defaults."""
+        self._families, self._group_of, self._keep_straight = families, groups, keep_straight
         self._spheres, self._meshes, self._shortcuts = spheres, meshes, shortcuts
         self._ik = ik or InverseKinematics(spheres.robot)
         self.rejections: dict[str, int] = {}
@@ -85,7 +90,7 @@ class Generator:
 
         `stream` keeps what is drawn for training apart from what is drawn for the benchmark.
         """
-        group = group_of(task, index)
+        group = self._group_of(task, index)
         named = [zlib.crc32(stream.encode())] if isinstance(stream, str) else stream
         numbers = [VERSION_SEED, *named, list(COMPOSITION).index(task), index]
         attempt = 0
@@ -102,7 +107,7 @@ class Generator:
     def _attempt(
         self, task: str, index: int, group: Group, rng: np.random.Generator, attempt: int
     ) -> Draft:
-        scene = FAMILIES[group.family](rng)
+        scene = self._families[group.family](rng)
         start, goal, witness = self.solve(rng, scene, group)
         if self._meshes is not None:
             self._meshes.set_obstacles(scene.obstacles)
@@ -179,7 +184,7 @@ class Generator:
     ) -> np.ndarray:
         """Waypoints (m, J), float32 in value, from start to goal."""
         line_is_free = Planner(self._spheres, 0.0).straight(start, goal)
-        if group.family != "table" and line_is_free and rng.uniform() > KEEP_STRAIGHT:
+        if group.family != "table" and line_is_free and rng.uniform() > self._keep_straight:
             raise Rejected("the straight line is free")
         planner = Planner(self._spheres, PATH_CLEARANCE)
         path = planner.plan(rng, start, goal, _MAX_CHECKS)

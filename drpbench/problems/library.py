@@ -18,10 +18,10 @@ def load_set(name: str | Path = PROBLEM_SET, folder: Path = DATA) -> ProblemSet:
 
     Raises ProblemSetError where there is none, and for damaged data.
     """
-    if isinstance(name, str) and name in installed(folder):
-        return read_frozen(name, folder)
     if Path(name).is_file():
         return read_lines(Path(name))
+    if str(name) in installed(folder):
+        return read_frozen(str(name), folder)
     there = ", ".join(installed(folder)) or "none"
     raise ProblemSetError(
         f"there is no problem set {str(name)!r}, neither installed ({there}) nor as a file"

@@ -17,7 +17,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from drpbench.robot import Robot, arm
 from .goal_poses import goal_poses
 from .problem_set import ProblemSet
 from .task_problems import ProblemSetError, TaskProblems
+
+if TYPE_CHECKING:
+    from .goal_joints import GoalJoints
 
 FORMAT = "drpbench-problems-1"
 _HEADER = ("format", "name", "arm", "finger_opening", "ground", "tasks")
@@ -122,7 +125,7 @@ def read_lines(path: Path) -> ProblemSet:
         lines = content.decode().splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise ProblemSetError(f"{path}: cannot be read as text ({error})") from None
-    number = 1
+    number, joints = 1, None
     try:
         header = _header(_parsed(lines[0] if lines else ""))
         robot = arm(header["arm"], header["finger_opening"])
@@ -130,6 +133,11 @@ def read_lines(path: Path) -> ProblemSet:
         for line in lines[1:]:
             number += 1
             problem = _problem(_parsed(line), robot, problems)
+            if "goal" not in problem:
+                from .goal_joints import GoalJoints  # MuJoCo, which few sets need
+
+                joints = joints or GoalJoints(robot)
+                problem["goal"] = _reaching(problem, joints)
             problems[problem["task"]].append(problem)
         if empty := [task for task, found in problems.items() if not found]:
             raise _Fault(f"the file ends without a problem of task {empty[0]}")
@@ -194,7 +202,10 @@ def _problem(
     if values.get("id", number) != number:
         raise _Fault(f"id: expected {number}, the next of {task}, got {values['id']!r}")
     found: dict[str, Any] = {"task": task}
-    for name in ("start", "goal"):
+    pose = ("goal_position" in values, "goal_quaternion" in values)
+    if any(pose) and not all(pose):
+        raise _Fault("expected goal_position and goal_quaternion together, or neither")
+    for name in ("start",) if all(pose) and "goal" not in values else ("start", "goal"):
         found[name] = _numbers(values, name, (joints,))
         lower, upper = robot.joint_lower.astype(np.float32), robot.joint_upper.astype(np.float32)
         for joint in np.flatnonzero((found[name] < lower) | (found[name] > upper)):
@@ -202,9 +213,6 @@ def _problem(
                 f"{name}: joint {joint + 1} is {found[name][joint]:g} rad, "
                 f"beyond its limits of {lower[joint]:g} and {upper[joint]:g}"
             )
-    pose = ("goal_position" in values, "goal_quaternion" in values)
-    if any(pose) and not all(pose):
-        raise _Fault("expected goal_position and goal_quaternion together, or neither")
     if all(pose):
         found["goal_position"] = _numbers(values, "goal_position", (3,))
         found["goal_quaternion"] = _quaternion(values, "goal_quaternion")
@@ -223,6 +231,15 @@ def _problem(
         found["witness"] = _numbers(values, "witness", (len(values["witness"]), joints))
     else:
         found["witness"] = np.zeros((0, joints), np.float32)
+    return found
+
+
+def _reaching(problem: dict[str, Any], joints: GoalJoints) -> np.ndarray:
+    """Joints that reach the pose that is given instead of them."""
+    wanted = problem["goal_position"], problem["goal_quaternion"], problem["obstacles"]
+    found = joints.nearest(problem["start"], *wanted)
+    if found is None:
+        raise _Fault("no joints that touch nothing were found for the pose; give the goal's joints")
     return found
 
 

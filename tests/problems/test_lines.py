@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from drpbench.envs import TASKS, World
-from drpbench.problems import ProblemSetError, export_lines, load_set
+from drpbench.planning.checker import sphere_checker
+from drpbench.problems import ProblemSetError, export_lines, goal_poses, load_set
 from drpbench.problems.lines import FORMAT
 from drpbench.robot import PANDA, arm
 from drpbench.rollout import instance_key
@@ -172,3 +173,27 @@ def test_a_line_that_is_cut_is_named(exported, tmp_path):
     cut.write_text("")
     with pytest.raises(ProblemSetError, match="line 1: expected one JSON object"):
         load_set(cut)
+
+
+def test_a_goal_may_be_a_pose_alone(tmp_path):
+    whole = load_set(write(tmp_path / "a.jsonl", HEADER, PROBLEM | {"goal": [0.9, *HOME[1:]]}))
+    pose = {
+        "goal_position": whole.task("SE").goal_position[0].tolist(),
+        "goal_quaternion": whole.task("SE").goal_quaternion[0].tolist(),
+    }
+    given = {name: value for name, value in PROBLEM.items() if name != "goal"}
+    found = load_set(write(tmp_path / "b.jsonl", HEADER, given | pose)).task("SE")
+    np.testing.assert_array_equal(found.goal_position, whole.task("SE").goal_position)
+    position, quaternion = goal_poses(PANDA, found.goal)
+    np.testing.assert_allclose(position, found.goal_position, atol=2e-3)
+    assert np.abs(quaternion[0] @ found.goal_quaternion[0]) > 0.999
+    checker = sphere_checker()
+    checker.set_obstacles(found.obstacles[0])
+    assert checker.free(found.goal[0].astype(float))
+    again = load_set(tmp_path / "b.jsonl").task("SE")
+    np.testing.assert_array_equal(again.goal, found.goal)
+    on_it = given | pose | {"obstacles": [BALL | {"position": pose["goal_position"]}]}
+    with pytest.raises(ProblemSetError, match="line 2: no joints that touch nothing"):
+        load_set(write(tmp_path / "c.jsonl", HEADER, on_it))
+    with pytest.raises(ProblemSetError, match="line 2: goal: expected 7 finite numbers"):
+        load_set(write(tmp_path / "d.jsonl", HEADER, given))
