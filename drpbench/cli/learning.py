@@ -109,7 +109,9 @@ def correct(
 def train(
     network: Annotated[
         str,
-        typer.Argument(help="What to train: impact, or your own: my_package.my_module:MyLearner"),
+        typer.Argument(
+            help="What to train: impact, neuralmp, or your own: my_package.my_module:MyLearner"
+        ),
     ],
     out: Annotated[Path, typer.Option(help="The folder that the run writes to.")],
     demonstrations: Annotated[
@@ -125,7 +127,7 @@ def train(
     size: Annotated[
         str | None,
         typer.Option(
-            help="Of the network; impact: full (the paper's) or small (for processors)"
+            help="Of the network: full (the published) or small (for processors)"
             " [default: the network's first]"
         ),
     ] = None,

@@ -15,6 +15,7 @@ from drpbench.robot import PANDA, Robot
 
 from .at_once import at_once
 from .chunks import CHUNK, commanded
+from .gaussian_mixture import GaussianMixture
 from .lstm_gmm import Parameters, start, step
 from .lstm_gmm_size import LstmGmmSize
 
@@ -24,8 +25,8 @@ from .lstm_gmm_size import LstmGmmSize
 class Memory:
     """What is carried from one control step to the next."""
 
-    state: Float[Array, "2 layers width"]
-    since: Int[Array, ""]
+    state: Float[Array, "*batch 2 layers width"]
+    since: Int[Array, "*batch"]
     """Control steps since the LSTM began anew."""
 
 
@@ -75,7 +76,8 @@ class LstmGmm:
         clouds = (observation.scene_points, observation.scene_mask, observation.robot_points)
         state = jnp.where(carry.since == 0, 0.0, carry.state)
         one_step = _batching(self.size, self.robot)
-        mixture, state = one_step(self.parameters, *clouds, q, goal, state)
+        *of_mixture, state = one_step(self.parameters, *clouds, q, goal, state)
+        mixture = GaussianMixture(*of_mixture)
         if self.draws:
             assert key is not None
             action = mixture.draw(key)
@@ -88,4 +90,9 @@ class LstmGmm:
 
 @functools.cache
 def _batching(size: LstmGmmSize, robot: Robot) -> Callable[..., Any]:
-    return at_once(functools.partial(step, size, robot=robot))
+    def arrays(parameters: Parameters, *seen: Array) -> tuple[Array, ...]:
+        """The mixture's arrays and the state: what says which are batched is no mixture."""
+        mixture, state = step(size, parameters, *seen, robot=robot)
+        return mixture.logits, mixture.mean, mixture.scale, state
+
+    return at_once(arrays)
