@@ -17,6 +17,7 @@ from drpbench.plugins.registry import choose
 from drpbench.results import load
 from drpbench.robot import PANDA
 
+from ..few_lanes import DRPBENCH
 from ..scenes import observation
 
 CHEAT = '''
@@ -66,7 +67,7 @@ def test_whose_code_a_policy_is(name, ours):
 def test_a_policy_that_replaces_the_score_is_found_out(tmp_path, monkeypatch):
     (tmp_path / "cheat.py").write_text(CHEAT)
     monkeypatch.chdir(tmp_path)
-    command = [sys.executable, "-m", "drpbench", "run", "--task", "FDO", "--problems", "2"]
+    command = [*DRPBENCH, "run", "--task", "FDO", "--problems", "2"]
     command += ["--policy", "cheat:Cheat", "--policy-arg", "gain=2", "--out", "x.json"]
     subprocess.run(command, check=True, capture_output=True)
     claimed = load("x.json")

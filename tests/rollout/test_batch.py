@@ -38,8 +38,8 @@ class Tallied:
         return self.policy.act(observation, carry, key)
 
 
-STEPS = 500  # long enough for boxes to reach the arms
-GONE = 200  # control steps before the end, from where on there are no boxes
+STEPS = 600  # long enough for boxes to reach the arms
+GONE = 300  # control steps before the end, from where on there are no boxes
 
 
 @pytest.fixture(scope="module")
