@@ -64,9 +64,6 @@ class Following:
 class TrajOpt:
     """Plans, tracks, and plans anew where the plan is no longer free."""
 
-    privileged: bool = field(default=True, metadata={"static": True})
-    """Whether it plans on the obstacle models; else on voxels of the point cloud."""
-
     speed: Scalar = 0.5
     """Share of the pace that the arm's limits allow."""
     room: Scalar = 0.03
@@ -77,6 +74,8 @@ class TrajOpt:
     """Of the plan that an episode begins with."""
     again: PlannerSettings = field(default=AGAIN, metadata={"static": True})
     """Of a plan that is made under way."""
+    privileged: bool = field(default=True, metadata={"static": True})
+    """Whether it plans on the obstacle models; else on voxels of the point cloud."""
     robot: Robot = field(default=PANDA, metadata={"static": True})
     control_period: float = field(default=EPISODE.period, metadata={"static": True})
 

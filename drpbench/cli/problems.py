@@ -75,6 +75,7 @@ def import_(
     """
     if finger_opening is not None and not 0.0 <= finger_opening <= 0.1:
         raise InputError(f"--finger-opening {finger_opening:g}: expected 0 to 0.1 m")
+    _require_jsonl(out)
     _require_new(out)
     from drpbench.problems.formats import import_problems
 
@@ -106,6 +107,7 @@ def check(
     if effort < 1:
         raise InputError(f"--effort {effort}: must be at least 1")
     if out is not None:
+        _require_jsonl(out)
         _require_new(out)
     from drpbench.generation.validity import Validity
     from drpbench.problems import export_lines, load_set
@@ -136,9 +138,12 @@ def check(
         raise typer.Exit(1)
 
 
-def _require_new(out: Path) -> None:
+def _require_jsonl(out: Path) -> None:
     if out.suffix != ".jsonl":
         raise InputError(f"--out {out}: the problem set must end in .jsonl")
+
+
+def _require_new(out: Path) -> None:
     if out.exists():
         raise InputError(f"{out}: exists; nothing overwritten. Name another file with --out")
 
@@ -176,8 +181,7 @@ def draw(
         raise InputError(f"--count {count}: must be at least 1")
     if workers is not None and workers < 1:
         raise InputError(f"--workers {workers}: must be at least 1")
-    if out.suffix != ".jsonl":
-        raise InputError(f"--out {out}: the problem set must end in .jsonl")
+    _require_jsonl(out)
     from drpbench.generation import sealed
 
     from .terminal import DataProgress, console_of
